@@ -1,0 +1,66 @@
+// What the training loop knows of an algorithm.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <torch/types.h>
+
+#include "cale/env.h"
+
+namespace cale {
+
+using TensorMap = std::map<std::string, torch::Tensor>;
+
+/// What an agent is told about the world it is made for.
+struct AgentSpec {
+    std::int64_t num_envs = 1;
+    std::int64_t num_actions = 0;  // 0: the continuous joystick
+    std::int64_t stack = 4;
+    std::int64_t frame_height = kFrameHeight;
+    std::int64_t frame_width = kFrameWidth;
+    std::uint64_t seed = 1;
+    torch::Device device = torch::kCPU;
+};
+
+/// One agent step of N environments. The spans need to live only during the call.
+struct Experiences {
+    std::span<const std::uint8_t> frames;        // N newest frames: those the actions were chosen on
+    torch::Tensor actions;                       // what act() returned
+    std::span<const StepResult> results;         // N
+    std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
+};
+
+enum class ActMode { train, evaluate };
+
+/// The order of calls, in the paper's strict rhythm:  update, act, (environment), observe.
+class Agent {
+  public:
+    virtual ~Agent() = default;
+
+    /// Chooses one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
+    virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
+
+    /// Learns from what followed. Called once per agent step.
+    virtual void observe(const Experiences& experiences) = 0;
+
+    /// Called once before every decision: the agent updates itself when its own rhythm
+    /// says so. Returns whether it did.
+    virtual bool update() = 0;
+
+    /// Named scalars of the newest update and the current schedules: name -> value,
+    /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.
+    virtual std::map<std::string, double> metrics() = 0;
+
+    /// Everything that the future of this agent depends on but for the replay's contents.
+    virtual TensorMap state() const = 0;
+    virtual void load_state(const TensorMap& state) = 0;
+    /// The replay's contents, written to and read from a file; agents without memory do nothing.
+    virtual void save_memory(const std::string& path) const = 0;
+    virtual void load_memory(const std::string& path) = 0;
+};
+
+}  // namespace cale

@@ -1,0 +1,118 @@
+// One Atari 2600 game under an experimental protocol: frame skip, sticky actions,
+// life loss, truncation, and the 84x84 grayscale observation of the literature
+// (Machado et al. 2018; Mnih et al. 2015), driven by joystick events or by CALE's
+// continuous joystick (Farebrother & Castro 2024).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cale/action.h"
+#include "cale/fields.h"
+
+namespace cale {
+
+inline constexpr int kFrameHeight = 84;
+inline constexpr int kFrameWidth = 84;
+inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;
+
+enum class ActionSpace { continuous, minimal, full };
+enum class PaddleStrength { one, radius };
+std::span<const std::string_view> names_of(ActionSpace);
+std::span<const std::string_view> names_of(PaddleStrength);
+
+struct EnvConfig {
+    std::string game = "pong";
+    std::string rom_dir;  // empty: see find_rom
+    std::int64_t num_envs = 1;
+    std::int64_t env_threads = 0;  // 0: one per environment, at most one per core
+    ActionSpace action_space = ActionSpace::continuous;
+    double threshold = 0.5;
+    EventMap event_map = EventMap::symmetric;
+    PaddleStrength paddle_strength = PaddleStrength::one;
+    double sticky_probability = 0.25;
+    bool terminal_on_life_loss = false;
+    std::int64_t frame_skip = 4;
+    std::int64_t max_frames_per_episode = 108'000;
+    bool truncation_is_terminal = false;
+    std::int64_t noop_max = 0;
+};
+
+template <class Visit>
+void fields(EnvConfig& config, Visit&& visit) {
+    visit("game", config.game, "the game: pong, Pong or ALE/Pong-v5");
+    visit("rom_dir", config.rom_dir, "folder of the ROM files; empty: ALE_ROMS_DIR, else what scripts/setup installed");
+    visit("num_envs", config.num_envs, Range{1, 1024}, "environments that step together");
+    visit("env_threads", config.env_threads, Range{0, 1024}, "threads that step them; 0: as many as there are cores");
+    visit("action_space", config.action_space, "continuous joystick, or the game's minimal or full set of events");
+    visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
+    visit("event_map", config.event_map, "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
+    visit("paddle_strength", config.paddle_strength, "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
+    visit("sticky_probability", config.sticky_probability, Range{0, 1}, "probability that a frame repeats the action before");
+    visit("terminal_on_life_loss", config.terminal_on_life_loss, "a lost life ends the agent's episode (the game goes on)");
+    visit("frame_skip", config.frame_skip, Range{1, 64}, "emulated frames per agent step");
+    visit("max_frames_per_episode", config.max_frames_per_episode, Range{1, 1e9}, "frames after which an episode is cut off");
+    visit("truncation_is_terminal", config.truncation_is_terminal, "treat that cut as a real end: no bootstrapping (as Dopamine does)");
+    visit("noop_max", config.noop_max, Range{0, 1000}, "every game starts with 0 to this many no-op agent steps");
+}
+
+/// The 200M-frame protocol of Machado et al.: sticky actions, whole games.
+EnvConfig protocol_200m(std::string game);
+/// Atari 100k: no sticky actions, a lost life ends the agent's episode.
+EnvConfig protocol_atari100k(std::string game);
+
+/// What one agent step brought.
+struct StepResult {
+    float reward = 0;           // sum over the frames of the step, neither clipped nor scaled
+    bool terminal = false;      // no bootstrapping: game over, or a life lost where that counts
+    bool truncated = false;     // cut off by max_frames_per_episode
+    bool episode_over = false;  // the game must be reset: game over or truncated
+    Event event = Event::noop;  // what the joystick was asked to do
+    int lives = 0;
+    int frames = 0;  // emulated frames, 1 to frame_skip
+};
+
+/// The ROM of `game` in the first of: `rom_dir` if not empty; the folder named by
+/// ALE_ROMS_DIR; the `roms` folder of scripts/setup. Throws std::runtime_error that
+/// names the file, every folder searched and the way out.
+std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir);
+
+class Env {
+  public:
+    /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
+    /// Throws std::invalid_argument for an unknown game or an impossible setting.
+    Env(const EnvConfig& config, std::uint32_t seed);
+    ~Env();
+    Env(Env&&) noexcept;
+    Env& operator=(Env&&) noexcept;
+
+    /// Starts a new game. Writes its first observation, kFrameSize bytes, to `observation`.
+    void reset(std::span<std::uint8_t> observation);
+
+    /// One agent step. After `episode_over` the caller must reset().
+    /// Throws std::invalid_argument, naming the value, for NaN or out-of-range coordinates.
+    StepResult step(const ContinuousAction& action, std::span<std::uint8_t> observation);
+    /// The same with an index into actions(). Throws std::out_of_range.
+    StepResult step(std::int64_t action, std::span<std::uint8_t> observation);
+
+    /// The discrete action set: empty where the action space is continuous.
+    std::span<const Event> actions() const;
+    int lives() const;
+    std::int64_t frame_number() const;  // frames acted since the ROM was loaded
+    std::span<const std::uint8_t> ram() const;
+    /// The game's screen in colour, rows x columns x RGB, for videos.
+    void screen_rgb(std::vector<std::uint8_t>& pixels) const;
+    int screen_height() const;
+    int screen_width() const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cale

@@ -1,0 +1,28 @@
+// How a configuration struct tells the rest of the program what it consists of.
+//
+// Every configuration struct has one function beside it,
+//
+//     template <class Visit>
+//     void fields(SacConfig& config, Visit&& visit) {
+//         visit("gamma", config.gamma, Range{0, 1}, "discount per agent step");
+//         visit("exploration", config.exploration, "how actions are explored");
+//     }
+//
+// and that one table serves the YAML reader, --set, --help, --print-config, the
+// record of a run and the documentation. `visit` accepts
+//   std::int64_t, double, std::optional<double>   name, member, Range, sentence
+//   bool, std::string, an enumeration             name, member, sentence
+// An enumeration E is readable when `names_of(E)` returns its values' names in order.
+#pragma once
+
+#include <limits>
+
+namespace cale {
+
+/// The closed interval that a number must lie in.
+struct Range {
+    double low = -std::numeric_limits<double>::infinity();
+    double high = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace cale

@@ -1,0 +1,53 @@
+// N environments stepped together on threads of their own.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cale/env.h"
+
+namespace cale {
+
+/// Environments are dealt to threads once and stay there. Results come in the order
+/// of the environments and do not depend on the number of threads. An environment
+/// whose episode ended is reset within the same step.
+class VectorEnv {
+  public:
+    /// One seed per environment: config.num_envs of them.
+    VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds);
+    ~VectorEnv();
+    VectorEnv(VectorEnv&&) noexcept;
+    VectorEnv& operator=(VectorEnv&&) noexcept;
+
+    std::int64_t size() const;
+    /// The discrete action set: empty where the action space is continuous.
+    std::span<const Event> actions() const;
+
+    /// Starts a new game everywhere. `frames`: size() x kFrameSize bytes.
+    void reset(std::span<std::uint8_t> frames);
+
+    /// One agent step of every environment, written straight into the caller's memory.
+    ///   actions       size() of them
+    ///   frames        size() x kFrameSize: the newest frame; where the episode was over,
+    ///                 the first frame of the next one
+    ///   final_frames  size() x kFrameSize: written only where the episode was over, with
+    ///                 its last frame
+    ///   results       size() of them
+    /// An exception in any environment (a bad action, say) reaches the caller, after all
+    /// environments have finished the step; nothing hangs.
+    void step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
+              std::span<std::uint8_t> final_frames, std::span<StepResult> results);
+    void step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
+              std::span<std::uint8_t> final_frames, std::span<StepResult> results);
+
+    /// For videos and tests; not while a step is under way.
+    const Env& env(std::int64_t index) const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cale

@@ -1,0 +1,55 @@
+# How every library, program and test of this project is compiled.
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+    set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE_PROGRAM})
+endif()
+find_program(MOLD_PROGRAM mold)
+
+add_library(cale_options INTERFACE)
+target_compile_options(cale_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+    $<$<BOOL:${CALE_WARNINGS_AS_ERRORS}>:-Werror>
+    # OpenCV's area resize rounds after every multiplication; a fused multiply-add would not.
+    -ffp-contract=off)
+if(MOLD_PROGRAM)
+    target_link_options(cale_options INTERFACE -fuse-ld=mold)
+endif()
+if(CALE_SANITIZE)
+    target_compile_options(cale_options INTERFACE -fsanitize=${CALE_SANITIZE} -fno-omit-frame-pointer)
+    target_link_options(cale_options INTERFACE -fsanitize=${CALE_SANITIZE})
+endif()
+
+# One library per folder: cale_library(replay TORCH DEPENDS cale::env)
+# makes cale_replay, known as cale::replay, from the folder's sources.
+# TORCH: includes LibTorch's headers, so shares the precompiled header.
+function(cale_library name)
+    cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "" "DEPENDS;PRIVATE_DEPENDS")
+    file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+    add_library(cale_${name} ${sources})
+    add_library(cale::${name} ALIAS cale_${name})
+    set_target_properties(cale_${name} PROPERTIES EXPORT_NAME ${name})
+    target_compile_features(cale_${name} PUBLIC cxx_std_20)
+    target_include_directories(cale_${name} PUBLIC
+        $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+        $<INSTALL_INTERFACE:include/cale-${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}>)
+    target_link_libraries(cale_${name}
+        PUBLIC ${arg_DEPENDS}
+        PRIVATE ${arg_PRIVATE_DEPENDS} $<BUILD_INTERFACE:cale_options>)
+    if(arg_TORCH)
+        target_link_libraries(cale_${name} PUBLIC LibTorch::LibTorch)
+        cale_use_torch_headers(cale_${name})
+    endif()
+    set_property(GLOBAL APPEND PROPERTY CALE_LIBRARIES cale_${name})
+    set_property(GLOBAL APPEND PROPERTY CALE_HEADER_FOLDERS ${CMAKE_CURRENT_SOURCE_DIR})
+endfunction()
+
+# <torch/torch.h> costs 27 s in every file that includes it. It is compiled once.
+function(cale_use_torch_headers target)
+    if(NOT TARGET cale_torch_headers)
+        file(WRITE ${PROJECT_BINARY_DIR}/torch_headers.cpp "// Carries the precompiled header.\n")
+        add_library(cale_torch_headers OBJECT ${PROJECT_BINARY_DIR}/torch_headers.cpp)
+        target_compile_features(cale_torch_headers PUBLIC cxx_std_20)
+        target_link_libraries(cale_torch_headers PRIVATE LibTorch::LibTorch cale_options)
+        target_precompile_headers(cale_torch_headers PRIVATE <torch/torch.h>)
+    endif()
+    target_precompile_headers(${target} REUSE_FROM cale_torch_headers)
+endfunction()

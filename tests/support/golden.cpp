@@ -1,0 +1,54 @@
+#include "support/golden.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <stdexcept>
+
+namespace golden {
+
+std::string directory() {
+    const char* chosen = std::getenv("CALE_GOLDEN_DIR");
+    return chosen != nullptr && *chosen != '\0' ? chosen : CALE_SOURCE_GOLDEN_DIR;
+}
+
+YAML::Node load(const std::string& file_name) {
+    const auto path = std::filesystem::path(directory()) / file_name;
+    if (!std::filesystem::exists(path)) throw std::runtime_error("no golden file " + path.string());
+    return YAML::LoadFile(path.string());
+}
+
+std::vector<std::string> files_of_kind(std::string_view kind) {
+    std::vector<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(directory())) {
+        if (entry.path().extension() != ".yaml") continue;
+        const auto file = YAML::LoadFile(entry.path().string());
+        if (file["kind"] && file["kind"].as<std::string>() == kind) found.push_back(entry.path().filename());
+    }
+    std::sort(found.begin(), found.end());
+    return found;
+}
+
+std::uint64_t seed(std::string_view case_name, std::string_view name) {
+    std::uint64_t hash = 0xCBF29CE484222325u;
+    const auto mix = [&hash](std::string_view text) {
+        for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3u;
+    };
+    mix(case_name);
+    mix("/");
+    mix(name);
+    return hash;
+}
+
+std::uint64_t bits(std::uint64_t seed, std::uint64_t index) {
+    std::uint64_t z = seed + (index + 1) * 0x9E3779B97F4A7C15u;
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+    return z ^ (z >> 31);
+}
+
+double uniform(std::uint64_t seed, std::uint64_t index) {
+    return static_cast<double>(bits(seed, index) >> 11) * 0x1.0p-53;
+}
+
+}  // namespace golden

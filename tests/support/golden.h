@@ -1,0 +1,32 @@
+// The golden values of the reference and the hash that regenerates their inputs
+// (tests/golden/README-agents.md, section "Hash").
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <yaml-cpp/yaml.h>
+
+namespace golden {
+
+/// The folder named by CALE_GOLDEN_DIR, else the copy in the source tree.
+std::string directory();
+
+/// A file of that folder. Throws std::runtime_error that names the missing file.
+YAML::Node load(const std::string& file_name);
+
+/// Every file of that folder whose top-level `kind` is this one, sorted by name.
+std::vector<std::string> files_of_kind(std::string_view kind);
+
+/// FNV-1a 64 of "case/name".
+std::uint64_t seed(std::string_view case_name, std::string_view name);
+
+/// Element `index` of the stream of `seed`: splitmix64 by index.
+std::uint64_t bits(std::uint64_t seed, std::uint64_t index);
+
+/// The same as a double in [0, 1).
+double uniform(std::uint64_t seed, std::uint64_t index);
+
+}  // namespace golden
