@@ -6,6 +6,7 @@
 #include <memory>
 #include <random>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include <torch/types.h>
@@ -50,30 +51,63 @@ struct Batch {
     torch::Tensor n_step_return;     // [B] float32
     torch::Tensor discount;          // [B] float32
     torch::Tensor next_observation;  // [B, stack, H, W] uint8
-    torch::Tensor index;             // [B] int64: where they are stored
+    torch::Tensor index;             // [B] int64: where they are stored, in [0, capacity)
 };
 
-/// Bytes that a buffer of this configuration takes once it is full.
+/// Bytes that a buffer of this configuration takes once it is full. Throws
+/// std::invalid_argument, naming key, value and range, for an impossible configuration.
 std::int64_t memory_needed(const ReplayConfig& config);
 
+/// Throws std::runtime_error, naming both figures and the key to lower, when the
+/// `available` bytes are fewer than memory_needed(config).
+void check_memory(const ReplayConfig& config, std::int64_t available);
+
+/// Not synchronised: calls that overlap are the caller's to prevent, but for const ones.
 class ReplayBuffer {
   public:
-    /// Throws std::runtime_error, naming both figures and the key to lower, when the
-    /// machine has less memory left than memory_needed(config).
+    /// Memory is taken as the buffer fills. Throws as memory_needed and, with what the
+    /// machine has left (see available_memory), as check_memory do.
     explicit ReplayBuffer(const ReplayConfig& config);
     ~ReplayBuffer();
     ReplayBuffer(ReplayBuffer&&) noexcept;
     ReplayBuffer& operator=(ReplayBuffer&&) noexcept;
 
+    const ReplayConfig& config() const;
+
+    /// Takes the next step of environment `env` and stores the transitions it completes.
+    /// Environments may be interleaved in any order. A transition whose frames were
+    /// overwritten before it was complete is not stored; that takes an environment that
+    /// pauses while others fill the buffer.
+    /// Throws std::out_of_range for the environment, std::invalid_argument for a size
+    /// that does not fit, or a missing final_frame.
     void add(std::int64_t env, const Experience& experience);
 
-    std::int64_t size() const;       // transitions that can be sampled
-    std::int64_t add_count() const;  // transitions ever stored
+    /// Transitions that can be sampled: at most `capacity`, and fewer where one of the
+    /// capacity newest frames serves no transition of its own (after a truncation).
+    std::int64_t size() const;
+    /// Transitions ever stored.
+    std::int64_t add_count() const;
 
-    /// Uniform with replacement over all stored transitions.
+    /// Uniform with replacement over all stored transitions. For each one, 64 random bits
+    /// w are drawn until w >= 2^64 mod size(), and w mod size() is its position (0: the
+    /// oldest): exactly uniform, and the same on every platform.
+    /// Throws std::runtime_error when nothing is stored.
     Batch sample(std::int64_t batch_size, std::mt19937_64& random) const;
-    /// The transitions at these positions, 0 being the oldest.
+    /// The same into tensors that exist, such as those of empty_batch(), without
+    /// allocating; they say how many. Throws std::invalid_argument unless they are
+    /// contiguous CPU tensors of Batch's shapes and types.
+    void sample_into(Batch& batch, std::mt19937_64& random) const;
+    Batch empty_batch(std::int64_t batch_size) const;
+    /// The transitions at these positions, 0 being the oldest. Throws std::out_of_range.
     Batch gather(std::span<const std::int64_t> positions) const;
+
+    /// Everything: the transitions, the counters and the unfinished windows. The file
+    /// appears complete or not at all. Throws std::runtime_error naming the file.
+    void save(const std::string& path) const;
+    /// Goes on exactly where save() was. Throws std::runtime_error, and leaves the buffer
+    /// as it was, for a file that is damaged, truncated, of another version, or of
+    /// another configuration.
+    void load(const std::string& path);
 
   private:
     struct Impl;

@@ -1,0 +1,74 @@
+#include "replay/available_memory.h"
+
+#include <algorithm>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <string>
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The number after `key` in a file of "key value" lines.
+std::optional<std::int64_t> number_of(const fs::path& file, const std::string& key) {
+    std::ifstream lines(file);
+    std::string word;
+    std::int64_t value = 0;
+    while (lines >> word) {
+        if (word == key && lines >> value) return value;
+        lines.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+    }
+    return {};
+}
+
+// The number in a file that holds nothing else; "max" is none.
+std::optional<std::int64_t> number_in(const fs::path& file) {
+    std::int64_t value = 0;
+    if (std::ifstream(file) >> value) return value;
+    return {};
+}
+
+// What is left below the limit of this group. Its page cache is given up on demand, so it is left, too.
+std::optional<std::int64_t> left_in_group(const fs::path& group, const char* limit, const char* usage) {
+    const auto most = number_in(group / limit);
+    const auto used = number_in(group / usage);
+    if (!most || !used) return {};
+    const std::int64_t cache = number_of(group / "memory.stat", "inactive_file").value_or(0) +
+                               number_of(group / "memory.stat", "active_file").value_or(0);
+    return std::max<std::int64_t>(*most - std::max<std::int64_t>(*used - cache, 0), 0);
+}
+
+}  // namespace
+
+std::int64_t available_memory(const fs::path& root) {
+    auto least = std::numeric_limits<std::int64_t>::max();
+    const auto consider = [&least](std::optional<std::int64_t> bytes) {
+        if (bytes) least = std::min(least, *bytes);
+    };
+    if (const auto kibibytes = number_of(root / "proc/meminfo", "MemAvailable:")) consider(*kibibytes * 1024);
+
+    // Lines are "0::/path" (version 2) or "4:memory:/path" (version 1). In a container the
+    // path may be the host's; the group is then at the top. Every group above limits, too.
+    std::ifstream groups(root / "proc/self/cgroup");
+    for (std::string line; std::getline(groups, line);) {
+        const auto first = line.find(':');
+        const auto second = line.find(':', first + 1);
+        if (first == std::string::npos || second == std::string::npos) continue;
+        const std::string controllers = line.substr(first + 1, second - first - 1);
+        const bool version_2 = controllers.empty();
+        if (!version_2 && controllers.find("memory") == std::string::npos) continue;
+        const fs::path top = root / (version_2 ? "sys/fs/cgroup" : "sys/fs/cgroup/memory");
+        for (fs::path group = fs::path(line.substr(second + 1)).relative_path();;
+             group = group.parent_path()) {
+            consider(version_2
+                         ? left_in_group(top / group, "memory.max", "memory.current")
+                         : left_in_group(top / group, "memory.limit_in_bytes", "memory.usage_in_bytes"));
+            if (group.empty()) break;
+        }
+    }
+    return least;
+}
+
+}  // namespace cale
