@@ -11,8 +11,24 @@ namespace cale {
 
 /// Joystick events, numbered as ALE numbers them.
 enum class Event : std::uint8_t {
-    noop, fire, up, right, left, down, up_right, up_left, down_right, down_left,
-    up_fire, right_fire, left_fire, down_fire, up_right_fire, up_left_fire, down_right_fire, down_left_fire,
+    noop,
+    fire,
+    up,
+    right,
+    left,
+    down,
+    up_right,
+    up_left,
+    down_right,
+    down_left,
+    up_fire,
+    right_fire,
+    left_fire,
+    down_fire,
+    up_right_fire,
+    up_left_fire,
+    down_right_fire,
+    down_left_fire,
 };
 inline constexpr int kEventCount = 18;
 /// "NOOP", "FIRE", ... as ALE spells them.

@@ -14,12 +14,9 @@
 
 #include "cale/action.h"
 #include "cale/fields.h"
+#include "cale/frames.h"
 
 namespace cale {
-
-inline constexpr int kFrameHeight = 84;
-inline constexpr int kFrameWidth = 84;
-inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;
 
 enum class ActionSpace { continuous, minimal, full };
 enum class PaddleStrength { one, radius };
@@ -46,19 +43,29 @@ struct EnvConfig {
 template <class Visit>
 void fields(EnvConfig& config, Visit&& visit) {
     visit("game", config.game, "the game: pong, Pong or ALE/Pong-v5");
-    visit("rom_dir", config.rom_dir, "folder of the ROM files; empty: ALE_ROMS_DIR, else what scripts/setup installed");
+    visit("rom_dir", config.rom_dir,
+          "folder of the ROM files; empty: ALE_ROMS_DIR, else what scripts/setup installed");
     visit("num_envs", config.num_envs, Range{1, 1024}, "environments that step together");
-    visit("env_threads", config.env_threads, Range{0, 1024}, "threads that step them; 0: as many as there are cores");
-    visit("action_space", config.action_space, "continuous joystick, or the game's minimal or full set of events");
+    visit("env_threads", config.env_threads, Range{0, 1024},
+          "threads that step them; 0: as many as there are cores");
+    visit("action_space", config.action_space,
+          "continuous joystick, or the game's minimal or full set of events");
     visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
-    visit("event_map", config.event_map, "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
-    visit("paddle_strength", config.paddle_strength, "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
-    visit("sticky_probability", config.sticky_probability, Range{0, 1}, "probability that a frame repeats the action before");
-    visit("terminal_on_life_loss", config.terminal_on_life_loss, "a lost life ends the agent's episode (the game goes on)");
+    visit("event_map", config.event_map,
+          "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
+    visit("paddle_strength", config.paddle_strength,
+          "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
+    visit("sticky_probability", config.sticky_probability, Range{0, 1},
+          "probability that a frame repeats the action before");
+    visit("terminal_on_life_loss", config.terminal_on_life_loss,
+          "a lost life ends the agent's episode (the game goes on)");
     visit("frame_skip", config.frame_skip, Range{1, 64}, "emulated frames per agent step");
-    visit("max_frames_per_episode", config.max_frames_per_episode, Range{1, 1e9}, "frames after which an episode is cut off");
-    visit("truncation_is_terminal", config.truncation_is_terminal, "treat that cut as a real end: no bootstrapping (as Dopamine does)");
-    visit("noop_max", config.noop_max, Range{0, 1000}, "every game starts with 0 to this many no-op agent steps");
+    visit("max_frames_per_episode", config.max_frames_per_episode, Range{1, 1e9},
+          "frames after which an episode is cut off");
+    visit("truncation_is_terminal", config.truncation_is_terminal,
+          "treat that cut as a real end: no bootstrapping (as Dopamine does)");
+    visit("noop_max", config.noop_max, Range{0, 1000},
+          "every game starts with 0 to this many no-op agent steps");
 }
 
 /// The 200M-frame protocol of Machado et al.: sticky actions, whole games.
@@ -70,7 +77,7 @@ EnvConfig protocol_atari100k(std::string game);
 struct StepResult {
     float reward = 0;           // sum over the frames of the step, neither clipped nor scaled
     bool terminal = false;      // no bootstrapping: game over, or a life lost where that counts
-    bool truncated = false;     // cut off by max_frames_per_episode
+    bool truncated = false;     // cut off by max_frames_per_episode, the game not being over
     bool episode_over = false;  // the game must be reset: game over or truncated
     Event event = Event::noop;  // what the joystick was asked to do
     int lives = 0;
@@ -85,7 +92,8 @@ std::filesystem::path find_rom(const std::string& game, const std::string& rom_d
 class Env {
   public:
     /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
-    /// Throws std::invalid_argument for an unknown game or an impossible setting.
+    /// Throws std::invalid_argument for an unknown game or an impossible setting, std::runtime_error
+    /// for a ROM file that is missing or not the game's.
     Env(const EnvConfig& config, std::uint32_t seed);
     ~Env();
     Env(Env&&) noexcept;
@@ -94,8 +102,10 @@ class Env {
     /// Starts a new game. Writes its first observation, kFrameSize bytes, to `observation`.
     void reset(std::span<std::uint8_t> observation);
 
-    /// One agent step. After `episode_over` the caller must reset().
-    /// Throws std::invalid_argument, naming the value, for NaN or out-of-range coordinates.
+    /// One agent step: the action for frame_skip frames, fewer if the agent's episode ends before.
+    /// Writes the brighter of the last two screens to `observation`, kFrameSize bytes.
+    /// Throws std::invalid_argument, naming the value, for NaN or out-of-range coordinates, and
+    /// std::logic_error before the first reset() and after `episode_over`.
     StepResult step(const ContinuousAction& action, std::span<std::uint8_t> observation);
     /// The same with an index into actions(). Throws std::out_of_range.
     StepResult step(std::int64_t action, std::span<std::uint8_t> observation);

@@ -1,0 +1,159 @@
+#include "cale/emulator.h"
+
+#include <fstream>
+#include <iterator>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <ale/ale_interface.hpp>
+#include <ale/common/ColourPalette.hpp>
+#include <ale/common/Log.hpp>
+#include <ale/emucore/MD5.hxx>
+#include <ale/emucore/OSystem.hxx>
+#include <ale/games/Roms.hpp>
+
+namespace cale {
+namespace {
+
+// ALE ends the process when it does not like a file, so the file is examined beforehand.
+void check_rom(const Game& game, const std::filesystem::path& file) {
+    const std::string name = "the ROM file " + file.string();
+    std::ifstream stream(file, std::ios::binary);
+    const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+    if (!stream.is_open() || bytes.empty()) throw std::runtime_error(name + " is empty or cannot be read");
+
+    const std::string md5 = ale::stella::MD5(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    const std::unique_ptr<const ale::RomSettings> known(ale::buildRomRLWrapper(std::string(game.rom), md5));
+    if (known == nullptr)
+        throw std::runtime_error("this ALE does not know the game " + std::string(game.rom));
+    if (known->rom() == game.rom && known->md5() == md5) return;
+    const std::string content = known->md5() == md5 ? std::string("the game ") + known->rom()
+                                                    : std::to_string(bytes.size()) + " bytes with MD5 " + md5;
+    throw std::runtime_error(name + " is not the " + std::string(game.rom) + " that ALE supports but " +
+                             content + ": replace it by the one that scripts/setup installs");
+}
+
+std::vector<Event> events(const ale::ActionVect& actions) {
+    std::vector<Event> result;
+    for (const ale::Action action : actions) result.push_back(static_cast<Event>(action));
+    return result;
+}
+
+std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem::path& rom_file) {
+    check_rom(game, rom_file);
+    // The logger is shared by all of ALE, so it is told once.
+    static const bool quiet = [] {
+        ale::Logger::setMode(ale::Logger::Error);
+        return true;
+    }();
+    static_cast<void>(quiet);
+    auto ale = std::make_unique<ale::ALEInterface>();
+    ale->setInt("random_seed", 0);  // stickiness, all that it would serve, is done here
+    ale->setFloat("repeat_action_probability", 0);
+    ale->setInt("frame_skip", 1);
+    ale->setBool("color_averaging", false);
+    ale->setInt("max_num_frames_per_episode", 0);
+    ale->loadROM(rom_file);
+    return ale;
+}
+
+}  // namespace
+
+struct Emulator::Impl {
+    Impl(const Game& game, const std::filesystem::path& rom_file, float sticky, std::uint32_t seed)
+        : ale(load(game, rom_file)),
+          sticky_probability(sticky),
+          generator(seed),
+          minimal_actions(events(ale->getMinimalActionSet())),
+          legal_actions(events(ale->getLegalActionSet())) {
+        const auto& palette = ale->theOSystem->colourPalette();
+        for (int index = 0; index < 256; ++index) {
+            // ALE's palette alternates colours and their gray values; screens hold even indices only.
+            const std::uint32_t colour = palette.getRGB(index & ~1);
+            rgb[static_cast<std::size_t>(index)] = {static_cast<std::uint8_t>(colour >> 16),
+                                                    static_cast<std::uint8_t>(colour >> 8),
+                                                    static_cast<std::uint8_t>(colour)};
+            gray[static_cast<std::size_t>(index)] = static_cast<std::uint8_t>(palette.getRGB(index | 1));
+        }
+    }
+
+    bool sticks() {
+        const double uniform = static_cast<double>(generator()) * 0x1p-32;
+        return uniform < static_cast<double>(sticky_probability);
+    }
+
+    std::unique_ptr<ale::ALEInterface> ale;
+    float sticky_probability;
+    std::mt19937 generator;
+    Event held = Event::noop;
+    float held_strength = 1;
+    std::vector<Event> minimal_actions;
+    std::vector<Event> legal_actions;
+    std::array<std::uint8_t, 256> gray{};
+    std::array<std::array<std::uint8_t, 3>, 256> rgb{};
+};
+
+Emulator::Emulator(const Game& game, const std::filesystem::path& rom_file, float sticky_probability,
+                   std::uint32_t seed)
+    : impl_(std::make_unique<Impl>(game, rom_file, sticky_probability, seed)) {}
+Emulator::~Emulator() = default;
+Emulator::Emulator(Emulator&&) noexcept = default;
+Emulator& Emulator::operator=(Emulator&&) noexcept = default;
+
+void Emulator::reset() {
+    impl_->ale->reset_game();
+    impl_->held = Event::noop;
+}
+
+int Emulator::act(Event event, float strength) {
+    if (!impl_->sticks()) {
+        impl_->held = event;
+        impl_->held_strength = strength;
+    }
+    impl_->generator.discard(1);  // ALE's draw for the second player
+    return impl_->ale->act(static_cast<ale::Action>(impl_->held), impl_->held_strength);
+}
+
+bool Emulator::game_over() const {
+    return impl_->ale->game_over();
+}
+int Emulator::lives() const {
+    return impl_->ale->lives();
+}
+std::int64_t Emulator::frame_number() const {
+    return impl_->ale->getFrameNumber();
+}
+
+std::span<const std::uint8_t> Emulator::ram() const {
+    const ale::ALERAM& ram = impl_->ale->getRAM();
+    return {ram.array(), ram.size()};
+}
+
+int Emulator::screen_height() const {
+    return static_cast<int>(impl_->ale->getScreen().height());
+}
+int Emulator::screen_width() const {
+    return static_cast<int>(impl_->ale->getScreen().width());
+}
+
+std::span<const std::uint8_t> Emulator::screen() const {
+    const ale::ALEScreen& screen = impl_->ale->getScreen();
+    return {screen.getArray(), screen.arraySize()};
+}
+
+const std::array<std::uint8_t, 256>& Emulator::gray_palette() const {
+    return impl_->gray;
+}
+const std::array<std::array<std::uint8_t, 3>, 256>& Emulator::rgb_palette() const {
+    return impl_->rgb;
+}
+std::span<const Event> Emulator::minimal_actions() const {
+    return impl_->minimal_actions;
+}
+std::span<const Event> Emulator::legal_actions() const {
+    return impl_->legal_actions;
+}
+
+}  // namespace cale

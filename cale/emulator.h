@@ -1,0 +1,58 @@
+// One Atari 2600 with one game in it: the Arcade Learning Environment behind a wall.
+// emulator.cpp is the only file of this project that includes ALE.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+
+#include "cale/action.h"
+#include "cale/games.h"
+
+namespace cale {
+
+/// Different emulators may be used on different threads at the same time.
+class Emulator {
+  public:
+    /// Loads the game and, as ALE does, resets it once. `sticky_probability` is the chance that
+    /// a frame repeats the action of the frame before (Machado et al. 2018); the draws are those
+    /// of ALE for `random_seed` = `seed` and `repeat_action_probability` = `sticky_probability`.
+    /// Throws std::runtime_error for a file that is not this game's ROM, naming both.
+    Emulator(const Game& game, const std::filesystem::path& rom_file, float sticky_probability,
+             std::uint32_t seed);
+    ~Emulator();
+    Emulator(Emulator&&) noexcept;
+    Emulator& operator=(Emulator&&) noexcept;
+
+    /// Starts a new game.
+    void reset();
+    /// One frame, 1/60 s. `strength`, 0 to 1, scales how far a paddle moves (Pong, Breakout) and
+    /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
+    int act(Event event, float strength);
+
+    bool game_over() const;
+    int lives() const;
+    std::int64_t frame_number() const;          // frames acted since the ROM was loaded, resets not counted
+    std::span<const std::uint8_t> ram() const;  // the console's 128 bytes
+
+    int screen_height() const;
+    int screen_width() const;
+    /// The current screen, row by row, as indices into the palette.
+    std::span<const std::uint8_t> screen() const;
+    /// The luminance of each index; index 0 is black.
+    const std::array<std::uint8_t, 256>& gray_palette() const;
+    /// The colour of each index: red, green, blue.
+    const std::array<std::array<std::uint8_t, 3>, 256>& rgb_palette() const;
+
+    /// The events that make a difference in this game, and all that it accepts.
+    std::span<const Event> minimal_actions() const;
+    std::span<const Event> legal_actions() const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cale

@@ -1,0 +1,88 @@
+// From the emulator's screens to what an agent sees: the brighter of two screens, in gray,
+// 84x84 (Mnih et al. 2015), bit for bit as Dopamine makes them with OpenCV, and stacks of them.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace cale {
+
+inline constexpr int kFrameHeight = 84;
+inline constexpr int kFrameWidth = 84;
+inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;
+/// Every Atari 2600 screen has 160 columns; the number of rows depends on the game.
+inline constexpr int kScreenWidth = 160;
+
+/// One output pixel of an area resize along one axis: the sum of weights[i] * source[first + i].
+struct AreaCell {
+    int first = 0;
+    std::vector<float> weights;
+};
+
+/// The cells that shrink `source` pixels to `target`, as cv::resize with INTER_AREA has them.
+std::vector<AreaCell> area_cells(int source, int target);
+
+/// Pools and shrinks the last two screens of an agent step. Both are remembered, so that
+/// a step which ends before it has shown two screens still sees those of the step before.
+class FramePipeline {
+  public:
+    /// For screens of `screen_height` rows by kScreenWidth columns of indices into `gray`.
+    /// Throws std::invalid_argument if index 0 is not black or there are fewer rows than in a frame.
+    FramePipeline(int screen_height, const std::array<std::uint8_t, 256>& gray);
+
+    /// A game has begun: its first screen, pooled with black.
+    void start(std::span<const std::uint8_t> screen);
+    /// The last screen but one of a step, and the last.
+    void set_first(std::span<const std::uint8_t> screen) { set(0, screen); }
+    void set_second(std::span<const std::uint8_t> screen) { set(1, screen); }
+
+    /// Writes the brighter of the two screens, pixel by pixel, shrunk to kFrameSize bytes.
+    void write(std::span<std::uint8_t> frame);
+
+  private:
+    void set(int which, std::span<const std::uint8_t> screen);
+    void narrow_row(std::size_t row);
+    void shorten_rows(std::size_t frame_row);
+
+    std::array<std::uint8_t, 256> gray_;
+    std::size_t height_;
+    std::array<std::vector<std::uint8_t>, 2> screens_;
+    // Most rows are the same from step to step. Only those that changed pass through the resize;
+    // the others' results are still there.
+    std::vector<std::uint8_t> changed_;  // by screen row
+    std::vector<float> narrow_;          // screen_height x kFrameWidth, columns interleaved
+    std::array<std::uint8_t, kFrameSize> frame_{};
+
+    std::vector<int> column_first_;
+    std::vector<float> column_weights_;
+    std::vector<AreaCell> row_cells_;
+};
+
+/// The last `depth` frames of N environments, newest last: the input of a network that acts.
+/// All zero until frames are pushed, as at the start of every episode.
+class FrameStack {
+  public:
+    FrameStack(std::size_t num_envs, std::size_t depth, std::size_t frame_size = kFrameSize);
+
+    /// Drops the oldest frame of an environment and appends `frame`.
+    /// Throws std::invalid_argument for a frame of another size, std::out_of_range for `env`.
+    void push(std::size_t env, std::span<const std::uint8_t> frame);
+    /// An episode begins: the environment's stack becomes all zero.
+    void clear(std::size_t env);
+
+    /// num_envs x depth x frame_size bytes.
+    std::span<const std::uint8_t> data() const { return data_; }
+
+  private:
+    std::span<std::uint8_t> stack_of(std::size_t env);
+
+    std::size_t num_envs_;
+    std::size_t depth_;
+    std::size_t frame_size_;
+    std::vector<std::uint8_t> data_;
+};
+
+}  // namespace cale

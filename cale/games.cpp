@@ -1,0 +1,130 @@
+#include "cale/games.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace cale {
+namespace {
+
+// Name, ROM, in Atari 100k, random and human score, minimal actions.
+constexpr std::array<Game, 60> kGames{{
+    {"AirRaid", "air_raid", false, std::nullopt, std::nullopt, 6},
+    {"Alien", "alien", true, 227.8, 7127.7, 18},
+    {"Amidar", "amidar", true, 5.8, 1719.5, 10},
+    {"Assault", "assault", true, 222.4, 742.0, 7},
+    {"Asterix", "asterix", true, 210.0, 8503.3, 9},
+    {"Asteroids", "asteroids", false, 719.1, 47388.7, 14},
+    {"Atlantis", "atlantis", false, 12850.0, 29028.1, 4},
+    {"BankHeist", "bank_heist", true, 14.2, 753.1, 18},
+    {"BattleZone", "battle_zone", true, 2360.0, 37187.5, 18},
+    {"BeamRider", "beam_rider", false, 363.9, 16926.5, 9},
+    {"Berzerk", "berzerk", false, 123.7, 2630.4, 18},
+    {"Bowling", "bowling", false, 23.1, 160.7, 6},
+    {"Boxing", "boxing", true, 0.1, 12.1, 18},
+    {"Breakout", "breakout", true, 1.7, 30.5, 4},
+    {"Carnival", "carnival", false, std::nullopt, std::nullopt, 6},
+    {"Centipede", "centipede", false, 2090.9, 12017.0, 18},
+    {"ChopperCommand", "chopper_command", true, 811.0, 7387.8, 18},
+    {"CrazyClimber", "crazy_climber", true, 10780.5, 35829.4, 9},
+    {"DemonAttack", "demon_attack", true, 152.1, 1971.0, 6},
+    {"DoubleDunk", "double_dunk", false, -18.6, -16.4, 18},
+    {"ElevatorAction", "elevator_action", false, std::nullopt, std::nullopt, 18},
+    {"Enduro", "enduro", false, 0.0, 860.5, 9},
+    {"FishingDerby", "fishing_derby", false, -91.7, -38.7, 18},
+    {"Freeway", "freeway", true, 0.0, 29.6, 3},
+    {"Frostbite", "frostbite", true, 65.2, 4334.7, 18},
+    {"Gopher", "gopher", true, 257.6, 2412.5, 8},
+    {"Gravitar", "gravitar", false, 173.0, 3351.4, 18},
+    {"Hero", "hero", true, 1027.0, 30826.4, 18},
+    {"IceHockey", "ice_hockey", false, -11.2, 0.9, 18},
+    {"Jamesbond", "jamesbond", true, 29.0, 302.8, 18},
+    {"JourneyEscape", "journey_escape", false, std::nullopt, std::nullopt, 16},
+    {"Kangaroo", "kangaroo", true, 52.0, 3035.0, 18},
+    {"Krull", "krull", true, 1598.0, 2665.5, 18},
+    {"KungFuMaster", "kung_fu_master", true, 258.5, 22736.3, 14},
+    {"MontezumaRevenge", "montezuma_revenge", false, 0.0, 4753.3, 18},
+    {"MsPacman", "ms_pacman", true, 307.3, 6951.6, 9},
+    {"NameThisGame", "name_this_game", false, 2292.3, 8049.0, 6},
+    {"Phoenix", "phoenix", false, 761.4, 7242.6, 8},
+    {"Pitfall", "pitfall", false, -229.4, 6463.7, 18},
+    {"Pong", "pong", true, -20.7, 14.6, 6},
+    {"Pooyan", "pooyan", false, std::nullopt, std::nullopt, 6},
+    {"PrivateEye", "private_eye", true, 24.9, 69571.3, 18},
+    {"Qbert", "qbert", true, 163.9, 13455.0, 6},
+    {"Riverraid", "riverraid", false, 1338.5, 17118.0, 18},
+    {"RoadRunner", "road_runner", true, 11.5, 7845.0, 18},
+    {"Robotank", "robotank", false, 2.2, 11.9, 18},
+    {"Seaquest", "seaquest", true, 68.4, 42054.7, 18},
+    {"Skiing", "skiing", false, -17098.1, -4336.9, 3},
+    {"Solaris", "solaris", false, 1236.3, 12326.7, 18},
+    {"SpaceInvaders", "space_invaders", false, 148.0, 1668.7, 6},
+    {"StarGunner", "star_gunner", false, 664.0, 10250.0, 18},
+    {"Tennis", "tennis", false, -23.8, -8.3, 18},
+    {"TimePilot", "time_pilot", false, 3568.0, 5229.2, 10},
+    {"Tutankham", "tutankham", false, 11.4, 167.6, 8},
+    {"UpNDown", "up_n_down", true, 533.4, 11693.2, 6},
+    {"Venture", "venture", false, 0.0, 1187.5, 18},
+    {"VideoPinball", "video_pinball", false, 0.0, 17667.9, 9},
+    {"WizardOfWor", "wizard_of_wor", false, 563.5, 4756.5, 10},
+    {"YarsRevenge", "yars_revenge", false, 3092.9, 54576.9, 18},
+    {"Zaxxon", "zaxxon", false, 32.5, 9173.3, 18},
+}};
+
+void remove_suffix(std::string_view& text, std::string_view suffix) {
+    if (text.ends_with(suffix)) text.remove_suffix(suffix.size());
+}
+
+// What all spellings of a game's name have in common: lower-case letters and digits.
+std::string canonical(std::string_view name) {
+    if (name.starts_with("ALE/")) name.remove_prefix(4);
+    const auto dash = name.rfind("-v");
+    if (dash != std::string_view::npos &&
+        name.find_first_not_of("0123456789", dash + 2) == std::string_view::npos) {
+        name = name.substr(0, dash);
+    }
+    remove_suffix(name, "NoFrameskip");
+    remove_suffix(name, "Deterministic");
+    std::string result;
+    for (const char c : name) {
+        if (c != '_') result += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    }
+    return result;
+}
+
+// Levenshtein's distance: insertions, deletions and replacements that make one text the other.
+std::size_t edit_distance(std::string_view from, std::string_view to) {
+    std::vector<std::size_t> row(to.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 0; i < from.size(); ++i) {
+        std::size_t diagonal = std::exchange(row[0], i + 1);
+        for (std::size_t j = 0; j < to.size(); ++j) {
+            const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
+            diagonal = row[j + 1];
+            row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+        }
+    }
+    return row.back();
+}
+
+}  // namespace
+
+std::span<const Game> games() {
+    return kGames;
+}
+
+const Game& find_game(std::string_view name) {
+    const std::string wanted = canonical(name);
+    const auto distance = [&wanted](const Game& game) { return edit_distance(wanted, canonical(game.name)); };
+    const auto& nearest = *std::ranges::min_element(kGames, {}, distance);
+    if (distance(nearest) == 0) return nearest;
+    throw std::invalid_argument("there is no game '" + std::string(name) + "': the nearest of the " +
+                                std::to_string(kGames.size()) + " is " + std::string(nearest.rom));
+}
+
+}  // namespace cale

@@ -1,0 +1,28 @@
+// The sixty Atari 2600 games of the literature, and the scores that they are normalised with.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace cale {
+
+struct Game {
+    std::string_view name;  // as in Gymnasium's ids: "MsPacman"
+    std::string_view rom;   // as ALE calls it, and its ROM file without ".bin": "ms_pacman"
+    bool in_atari100k;      // one of the 26 games of Atari 100k (Kaiser et al. 2020)
+    // Scores of a random agent and of a human (Mnih et al. 2015, Wang et al. 2016); five games have none.
+    std::optional<double> random_score;
+    std::optional<double> human_score;
+    int minimal_action_count;  // joystick events that the game tells apart
+};
+
+/// All sixty, in alphabetical order.
+std::span<const Game> games();
+
+/// The game that goes by this name: "MsPacman", "ms_pacman", "ALE/MsPacman-v5" and
+/// "MsPacmanNoFrameskip-v4" are the same. Throws std::invalid_argument that names the
+/// nearest game there is.
+const Game& find_game(std::string_view name);
+
+}  // namespace cale

@@ -1,0 +1,37 @@
+#include <cstdlib>
+#include <stdexcept>
+
+#include "cale/env.h"
+#include "cale/games.h"
+
+namespace cale {
+namespace {
+
+std::filesystem::path from_environment(const char* name) {
+    const char* value = std::getenv(name);
+    return value == nullptr ? "" : value;
+}
+
+// Where scripts/setup puts what it installs.
+std::filesystem::path deps_dir() {
+    if (const auto deps = from_environment("CALE_DEPS_DIR"); !deps.empty()) return deps;
+    if (const auto cache = from_environment("XDG_CACHE_HOME"); !cache.empty()) return cache / "cale";
+    return from_environment("HOME") / ".cache" / "cale";
+}
+
+}  // namespace
+
+std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir) {
+    const std::string file = std::string(find_game(game).rom) + ".bin";
+    std::string searched;
+    for (const auto& folder :
+         {std::filesystem::path(rom_dir), from_environment("ALE_ROMS_DIR"), deps_dir() / "roms"}) {
+        if (folder.empty()) continue;
+        if (std::filesystem::is_regular_file(folder / file)) return folder / file;
+        searched += (searched.empty() ? "" : ", ") + folder.string();
+    }
+    throw std::runtime_error("the ROM file " + file + " is not in " + searched +
+                             ": run scripts/setup, or let rom_dir or ALE_ROMS_DIR name a folder that has it");
+}
+
+}  // namespace cale

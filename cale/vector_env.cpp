@@ -1,0 +1,175 @@
+#include "cale/vector_env.h"
+
+#include <algorithm>
+#include <atomic>
+#include <exception>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+
+namespace cale {
+namespace {
+
+// A fixed number of threads that do one task together, again and again. A team of one
+// has no thread: the caller does the work.
+class ThreadTeam {
+  public:
+    explicit ThreadTeam(int size) : size_(size) {
+        if (size == 1) return;
+        try {
+            for (int member = 0; member < size; ++member)
+                threads_.emplace_back([this, member] { serve(member); });
+        } catch (...) {
+            dismiss();
+            throw;
+        }
+    }
+    ~ThreadTeam() { dismiss(); }
+    ThreadTeam(const ThreadTeam&) = delete;
+    ThreadTeam& operator=(const ThreadTeam&) = delete;
+
+    int size() const { return size_; }
+
+    // Calls task(0) ... task(size - 1), each on its thread, and returns when all have.
+    // The task must not throw.
+    void run(const std::function<void(int)>& task) {
+        if (threads_.empty()) return task(0);
+        task_ = &task;
+        busy_.store(size_, std::memory_order_relaxed);
+        next_round();
+        for (int busy = size_; busy != 0; busy = busy_.load(std::memory_order_acquire)) busy_.wait(busy);
+    }
+
+  private:
+    void next_round() {
+        round_.fetch_add(1, std::memory_order_release);
+        round_.notify_all();
+    }
+
+    void dismiss() {
+        task_ = nullptr;
+        next_round();
+        threads_.clear();
+    }
+
+    void serve(int member) {
+        for (unsigned seen = 0;; ++seen) {
+            round_.wait(seen, std::memory_order_acquire);
+            if (task_ == nullptr) return;
+            (*task_)(member);
+            if (busy_.fetch_sub(1, std::memory_order_acq_rel) == 1) busy_.notify_one();
+        }
+    }
+
+    int size_;
+    const std::function<void(int)>* task_ = nullptr;
+    std::atomic<unsigned> round_{0};
+    std::atomic<int> busy_{0};
+    std::vector<std::jthread> threads_;
+};
+
+int team_size(const EnvConfig& config) {
+    const std::int64_t cores = std::max(1u, std::thread::hardware_concurrency());
+    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : cores;
+    return static_cast<int>(std::clamp<std::int64_t>(wanted, 1, config.num_envs));
+}
+
+void require_size(std::size_t size, std::size_t expected, const char* what) {
+    if (size == expected) return;
+    throw std::invalid_argument(std::string(what) + ": " + std::to_string(size) + " given, " +
+                                std::to_string(expected) + " needed");
+}
+
+}  // namespace
+
+struct VectorEnv::Impl {
+    Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
+        : envs(seeds.size()), errors(seeds.size()), team(team_size(config)) {
+        for_each_env([&](std::size_t i) { envs[i].emplace(config, seeds[i]); });
+    }
+
+    // Calls work(i) for every environment, each on the thread that it belongs to. When all
+    // are done, throws what the first of those that threw had thrown.
+    template <class Work>
+    void for_each_env(const Work& work) {
+        const auto members = static_cast<std::size_t>(team.size());
+        const auto share = [&](int member) {
+            const auto m = static_cast<std::size_t>(member);
+            for (std::size_t i = envs.size() * m / members; i < envs.size() * (m + 1) / members; ++i) {
+                try {
+                    work(i);
+                } catch (...) {
+                    errors[i] = std::current_exception();
+                }
+            }
+        };
+        team.run(std::cref(share));  // by reference, so that std::function need not allocate
+
+        std::exception_ptr first;
+        for (auto& error : errors) {
+            auto thrown = std::exchange(error, nullptr);
+            if (first == nullptr) first = std::move(thrown);
+        }
+        if (first != nullptr) std::rethrow_exception(first);
+    }
+
+    template <class Action>
+    void step(std::span<const Action> actions, std::span<std::uint8_t> frames,
+              std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
+        require_size(actions.size(), envs.size(), "actions");
+        require_size(frames.size(), envs.size() * kFrameSize, "bytes for the frames");
+        require_size(final_frames.size(), envs.size() * kFrameSize, "bytes for the final frames");
+        require_size(results.size(), envs.size(), "step results");
+        for_each_env([&](std::size_t i) {
+            const auto frame = frames.subspan(i * kFrameSize, kFrameSize);
+            results[i] = envs[i]->step(actions[i], frame);
+            if (!results[i].episode_over) return;
+            std::ranges::copy(frame, final_frames.subspan(i * kFrameSize, kFrameSize).begin());
+            envs[i]->reset(frame);
+        });
+    }
+
+    std::vector<std::optional<Env>> envs;  // empty only until their threads have made them
+    std::vector<std::exception_ptr> errors;
+    ThreadTeam team;
+};
+
+VectorEnv::VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds) {
+    if (config.num_envs < 1) throw std::invalid_argument("num_envs must be at least 1");
+    require_size(seeds.size(), static_cast<std::size_t>(config.num_envs), "seeds of environments");
+    impl_ = std::make_unique<Impl>(config, seeds);
+}
+VectorEnv::~VectorEnv() = default;
+VectorEnv::VectorEnv(VectorEnv&&) noexcept = default;
+VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
+
+std::int64_t VectorEnv::size() const {
+    return std::ssize(impl_->envs);
+}
+std::span<const Event> VectorEnv::actions() const {
+    return impl_->envs.front()->actions();
+}
+const Env& VectorEnv::env(std::int64_t index) const {
+    return *impl_->envs.at(static_cast<std::size_t>(index));
+}
+
+void VectorEnv::reset(std::span<std::uint8_t> frames) {
+    require_size(frames.size(), impl_->envs.size() * kFrameSize, "bytes for the frames");
+    impl_->for_each_env(
+        [&](std::size_t i) { impl_->envs[i]->reset(frames.subspan(i * kFrameSize, kFrameSize)); });
+}
+
+void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
+                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
+    impl_->step(actions, frames, final_frames, results);
+}
+
+void VectorEnv::step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
+                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
+    impl_->step(actions, frames, final_frames, results);
+}
+
+}  // namespace cale
