@@ -1,0 +1,257 @@
+#include "experiment/command_line.h"
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <iostream>
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include "experiment/versions.h"
+
+namespace cale {
+namespace {
+
+/// An option as --help shows it. Those with a `key` are another way to set that key.
+struct Option {
+    std::string_view name;
+    std::string_view value;
+    std::string_view help;
+    std::string_view key = "";
+};
+
+constexpr Option kOptions[] = {
+    {"--config", "FILE", "read settings from this YAML file"},
+    {"--set", "KEY=VALUE", "change one setting; may be repeated, and --set left out"},
+    {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5", "env.game"},
+    {"--total-timesteps", "N", "agent steps to train for", "train.total_steps"},
+    {"--num-envs", "N", "environments that step together", "env.num_envs"},
+    {"--seed", "N", "everything random follows from it", "train.seed"},
+    {"--run-dir", "DIR", "folder for everything that the run writes"},
+    {"--resume", "", "continue the run in --run-dir from its newest checkpoint"},
+    {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
+    {"--threads", "N", "threads for tensors: auto or a number"},
+    {"--no-progress", "", "no progress bar"},
+    {"--print-config", "", "print the resolved settings as YAML, and leave"},
+    {"--version", "", "print the versions, and leave"},
+    {"--help", "", "print this text, and leave"},
+};
+
+bool is_offered(const Option& option, const ConfigTable& table) {
+    return option.key.empty() || table.has(option.key);
+}
+
+// ---- help ---------------------------------------------------------------------------
+
+/// Words of `text` in lines of at most `width` columns, each indented.
+std::string wrap(std::string_view text, std::size_t indent, std::size_t width) {
+    const std::string margin(indent, ' ');
+    std::string result;
+    std::string line;
+    while (!text.empty()) {
+        const auto space = std::min(text.find(' '), text.size());
+        const auto word = text.substr(0, space);
+        text.remove_prefix(std::min(space + 1, text.size()));
+        if (!line.empty() && indent + line.size() + 1 + word.size() > width) {
+            result += margin + line + '\n';
+            line.clear();
+        }
+        if (!line.empty()) line += ' ';
+        line += word;
+    }
+    return line.empty() ? result : result + margin + line + '\n';
+}
+
+/// Name on the left, sentence on the right, below it where the name is long.
+std::string two_columns(std::string_view left, std::string_view right, std::size_t column,
+                        std::size_t width) {
+    const auto text = wrap(right, column, width);
+    const auto name = fmt::format("  {}", left);
+    if (name.size() + 2 > column) return name + '\n' + text;
+    return name + text.substr(name.size());
+}
+
+std::string setting_text(const ConfigEntry& entry) {
+    auto text = entry.type;
+    if (!entry.range_text.empty()) text += ", " + entry.range_text;
+    return text + ", default " + (entry.default_text.empty() ? "empty" : entry.default_text);
+}
+
+std::size_t terminal_width() {
+    winsize size{};
+    if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
+    return std::clamp<std::size_t>(size.ws_col, 40, 120);
+}
+
+// ---- options ------------------------------------------------------------------------
+
+std::optional<std::uint64_t> parse_natural(std::string_view text) {
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+    return value;
+}
+
+void check_device(const std::string& device) {
+    const bool with_index = device.starts_with("cuda:") && parse_natural(std::string_view(device).substr(5));
+    if (device != "auto" && device != "cpu" && device != "cuda" && !with_index) {
+        throw ConfigError(fmt::format("--device must be auto, cpu, cuda or cuda:<index>, not '{}'", device));
+    }
+}
+
+void check_threads(const std::string& threads) {
+    const auto number = parse_natural(threads);
+    if (threads != "auto" && !(number && *number >= 1 && *number <= 4096)) {
+        throw ConfigError(
+            fmt::format("--threads must be auto or a number from 1 to 4096, not '{}'", threads));
+    }
+}
+
+std::string unknown_option(std::string_view argument, const ConfigTable& table) {
+    const auto name = argument.substr(0, argument.find('='));
+    std::vector<std::string> names;
+    for (const auto& option : kOptions) {
+        if (is_offered(option, table)) names.emplace_back(option.name);
+    }
+    const auto guess = nearest(name, names);
+    return fmt::format("unknown option '{}'{}", name,
+                       guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess));
+}
+
+/// The options and their arguments, nothing applied yet.
+struct Arguments {
+    CommandLine line;
+    std::vector<std::pair<Option, std::string>> shortcuts;  // options that set a key
+    bool help = false;
+    bool version = false;
+    bool print_config = false;
+};
+
+Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
+    Arguments arguments;
+    CommandLine& line = arguments.line;
+    bool no_progress = false;
+
+    CLI::App app;
+    app.set_help_flag();
+    app.allow_extras();
+    app.option_defaults()->take_last();  // scripts append options to change earlier ones
+    app.add_option("--config", line.config_file);
+    app.add_option("--set", line.overrides)->allow_extra_args(false)->take_all();
+    app.add_option("--run-dir", line.run_dir);
+    app.add_option("--device", line.device);
+    app.add_option("--threads", line.threads);
+    app.add_flag("--resume", line.resume);
+    app.add_flag("--no-progress", no_progress);
+    app.add_flag("--print-config", arguments.print_config);
+    app.add_flag("--version", arguments.version);
+    app.add_flag("-h,--help", arguments.help);
+    for (const auto& option : kOptions) {
+        if (option.key.empty() || !table.has(option.key)) continue;
+        app.add_option_function<std::string>(std::string(option.name),
+                                             [&arguments, &option](const std::string& value) {
+                                                 arguments.shortcuts.emplace_back(option, value);
+                                             });
+    }
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        throw ConfigError(error.what());
+    }
+    line.progress = !no_progress;
+
+    for (const auto& argument : app.remaining()) {
+        if (argument.starts_with("-")) throw ConfigError(unknown_option(argument, table));
+        if (argument.find('=') == std::string::npos) {
+            throw ConfigError(
+                fmt::format("unexpected argument '{}'; settings are given as KEY=VALUE", argument));
+        }
+        line.overrides.push_back(argument);
+    }
+    check_device(line.device);
+    check_threads(line.threads);
+    if (line.resume && line.run_dir.empty()) {
+        throw ConfigError("--resume needs --run-dir DIR, the folder of the run to continue");
+    }
+    return arguments;
+}
+
+/// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
+void apply(Arguments& arguments, ConfigTable& table) {
+    CommandLine& line = arguments.line;
+    if (line.resume && line.config_file.empty()) {
+        const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
+        if (std::filesystem::exists(saved)) line.config_file = saved.string();
+    }
+    if (!line.config_file.empty()) table.load(line.config_file);
+    for (const auto& setting : line.overrides) table.set_override(setting);
+    for (const auto& [option, value] : arguments.shortcuts) {
+        try {
+            table.at(option.key).set(value);
+        } catch (const ConfigError& error) {
+            throw ConfigError(fmt::format("{} {}: {}", option.name, value, error.what()));
+        }
+    }
+}
+
+}  // namespace
+
+std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,
+                      std::size_t width) {
+    constexpr std::size_t column = 28;
+    auto text = wrap(fmt::format("{}: {}", program, description), 0, width);
+    text += fmt::format("\nusage: {} [--config FILE] [KEY=VALUE ...] [options]\n\noptions:\n", program);
+    for (const auto& option : kOptions) {
+        if (!is_offered(option, table)) continue;
+        const auto help =
+            option.key.empty() ? std::string(option.help) : fmt::format("{} ({})", option.help, option.key);
+        text += two_columns(fmt::format("{} {}", option.name, option.value), help, column, width);
+    }
+    text += '\n';
+    text += wrap("settings, as KEY=VALUE on the command line; in a file as 'name: value' below 'section:'", 0,
+                 width);
+    std::string_view section;
+    for (const auto& entry : table.entries()) {
+        const auto entry_section = std::string_view(entry.key).substr(0, entry.key.find('.'));
+        if (entry_section != section) text += fmt::format("\n{}\n", entry_section);
+        section = entry_section;
+        text +=
+            two_columns(entry.key, fmt::format("{} [{}]", entry.help, setting_text(entry)), column, width);
+    }
+    return text;
+}
+
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv, std::ostream& out) {
+    Arguments arguments;
+    try {
+        arguments = split(table, argc, argv);
+    } catch (const ConfigError& error) {
+        const std::string what = error.what();
+        throw ConfigError(
+            fmt::format("{}{} {} --help", what, what.ends_with('?') ? " See" : "; see", program));
+    }
+    CommandLine& line = arguments.line;
+    line.finished = arguments.help || arguments.version || arguments.print_config;
+    if (arguments.help) {
+        out << help_text(program, description, table, terminal_width());
+    } else if (arguments.version) {
+        out << fmt::format("{} {} (LibTorch {}, ALE {})\n", program, cale_version(), torch_version(),
+                           ale_version());
+    } else {
+        apply(arguments, table);
+        if (arguments.print_config) out << table.to_yaml();
+    }
+    return line;
+}
+
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv) {
+    return parse_command_line(program, description, table, argc, argv, std::cout);
+}
+
+}  // namespace cale

@@ -1,0 +1,43 @@
+// The command line that all training programs share. Its --help is made from the same
+// table of settings that reads the configuration files.
+#pragma once
+
+#include <cstddef>
+#include <iosfwd>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "experiment/config.h"
+
+namespace cale {
+
+struct CommandLine {
+    std::string config_file;             // empty: the defaults alone
+    std::vector<std::string> overrides;  // KEY=VALUE as given, in order
+    std::string run_dir;                 // empty: the program chooses one
+    bool resume = false;
+    std::string device = "auto";   // auto, cpu, cuda or cuda:<index>
+    std::string threads = "auto";  // auto or a number from 1
+    bool progress = true;
+    bool finished = false;  // --help, --version or --print-config has been answered: leave with exit code 0
+};
+
+/// Reads the command line, and through it the configuration file and the overrides into
+/// the table's structs. A later one of these has the last word: the structs' defaults, the
+/// file of --config, --set and KEY=VALUE, and options of their own such as --seed and --num-envs.
+/// --resume without --config takes the config.yaml of the run folder as the file, where there is one.
+/// --help, --version and --print-config are written to `out`.
+/// Throws ConfigError, one sentence, for everything that is wrong.
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv, std::ostream& out);
+
+/// The same, writing to the standard output.
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv);
+
+/// What --help prints, wrapped to `width` columns.
+std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,
+                      std::size_t width);
+
+}  // namespace cale

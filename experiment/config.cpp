@@ -1,0 +1,448 @@
+#include "experiment/config.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include "experiment/files.h"
+
+namespace cale {
+namespace {
+
+std::size_t levenshtein(std::string_view a, std::string_view b) {
+    std::vector<std::size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t{0});
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        std::size_t diagonal = std::exchange(row[0], i + 1);
+        for (std::size_t j = 0; j < b.size(); ++j) {
+            const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+            diagonal = std::exchange(row[j + 1], std::min({replaced, row[j] + 1, row[j + 1] + 1}));
+        }
+    }
+    return row.back();
+}
+
+std::string_view section_of(std::string_view key) {
+    return key.substr(0, key.find('.'));
+}
+std::string_view name_of(std::string_view key) {
+    return key.substr(key.find('.') + 1);
+}
+
+std::string did_you_mean(std::string_view text, std::span<const std::string> candidates) {
+    const auto guess = nearest(text, candidates);
+    return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
+}
+
+// ---- values -------------------------------------------------------------------------
+
+std::string lower(std::string_view text) {
+    std::string result(text);
+    for (char& c : result) {
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    }
+    return result;
+}
+
+/// 1_000 -> 1000 and +1 -> 1, which std::from_chars does not know.
+std::string plain_number(std::string_view text) {
+    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+    std::string result;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const bool separator =
+            text[i] == '_' && i > 0 && i + 1 < text.size() && is_digit(text[i - 1]) && is_digit(text[i + 1]);
+        const bool plus = i == 0 && text[i] == '+' && text.size() > 1 && text[1] != '-';
+        if (!separator && !plus) result += text[i];
+    }
+    return result;
+}
+
+template <class Number>
+std::optional<Number> parse(const std::string& text) {
+    Number value{};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+    return value;
+}
+
+std::optional<double> parse_number(std::string_view text) {
+    const auto value = parse<double>(plain_number(text));
+    return value && std::isfinite(*value) ? value : std::nullopt;
+}
+
+std::optional<std::int64_t> parse_integer(std::string_view text) {
+    if (const auto value = parse<std::int64_t>(plain_number(text))) return value;
+    // 1e6, 2.5e3: exact as long as a double can count.
+    const auto value = parse_number(text);
+    if (!value || *value != std::trunc(*value) || std::abs(*value) > 0x1p53) return std::nullopt;
+    return static_cast<std::int64_t>(*value);
+}
+
+std::optional<bool> parse_bool(std::string_view text) {
+    const auto word = lower(text);
+    if (word == "true" || word == "yes" || word == "on") return true;
+    if (word == "false" || word == "no" || word == "off") return false;
+    return std::nullopt;
+}
+
+bool is_none(std::string_view text) {
+    const auto word = lower(text);
+    return word == "none" || word == "null" || word == "~";
+}
+
+std::string range_text(Range range) {
+    const bool low = std::isfinite(range.low);
+    const bool high = std::isfinite(range.high);
+    if (low && high) return fmt::format("{} to {}", range.low, range.high);
+    if (low) return fmt::format("at least {}", range.low);
+    if (high) return fmt::format("at most {}", range.high);
+    return "";
+}
+
+/// Reads text into a member of each type; `entry` is for the range and the sentences.
+struct Reader {
+    const ConfigEntry& entry;
+    std::string_view text;
+
+    [[noreturn]] void reject(std::string_view what, std::string_view hint = "") const {
+        throw ConfigError(fmt::format("{} must be {}, not '{}'{}", entry.key, what, text, hint));
+    }
+    template <class Number>
+    Number checked(std::optional<Number> value, std::string_view what) const {
+        if (!value) reject(what);
+        const auto number = static_cast<double>(*value);
+        if (number < entry.range.low || number > entry.range.high) reject(entry.range_text);
+        return *value;
+    }
+
+    void operator()(std::int64_t* member) const { *member = checked(parse_integer(text), "an integer"); }
+    void operator()(double* member) const { *member = checked(parse_number(text), "a number"); }
+    void operator()(std::optional<double>* member) const {
+        if (is_none(text)) {
+            member->reset();
+        } else {
+            *member = checked(parse_number(text), "a number or none");
+        }
+    }
+    void operator()(bool* member) const {
+        const auto value = parse_bool(text);
+        if (!value) reject("true or false");
+        *member = *value;
+    }
+    void operator()(std::string* member) const { *member = text; }
+    void operator()(const EnumMember& member) const {
+        const auto found = std::find(member.names.begin(), member.names.end(), text);
+        if (found == member.names.end()) {
+            const std::vector<std::string> names(member.names.begin(), member.names.end());
+            reject(entry.type, did_you_mean(text, names));
+        }
+        member.set(static_cast<std::size_t>(found - member.names.begin()));
+    }
+};
+
+struct Writer {
+    std::string operator()(const std::int64_t* member) const { return fmt::to_string(*member); }
+    std::string operator()(const double* member) const { return fmt::to_string(*member); }
+    std::string operator()(const std::optional<double>* member) const {
+        return *member ? fmt::to_string(**member) : "none";
+    }
+    std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
+    std::string operator()(const std::string* member) const { return *member; }
+    std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
+};
+
+struct TypeName {
+    std::string operator()(const std::int64_t*) const { return "integer"; }
+    std::string operator()(const double*) const { return "number"; }
+    std::string operator()(const std::optional<double>*) const { return "number or none"; }
+    std::string operator()(const bool*) const { return "true/false"; }
+    std::string operator()(const std::string*) const { return "text"; }
+    std::string operator()(const EnumMember& member) const {
+        return fmt::format("one of {}", fmt::join(member.names, ", "));
+    }
+};
+
+/// A text as YAML that every reader takes for a text.
+std::string quoted(const std::string& text) {
+    const auto is_plain = [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+               c == '-' || c == '.' || c == '/';
+    };
+    const auto is_start = [&](char c) {
+        return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
+    };
+    const bool is_word = text.size() == 1 || is_none(text) || parse_bool(text).has_value();
+    if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
+        return text;
+    YAML::Emitter emitter;
+    emitter << YAML::DoubleQuoted << text;
+    return emitter.c_str();
+}
+
+// ---- keys ---------------------------------------------------------------------------
+
+std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
+    std::vector<std::string> keys;
+    for (const auto& entry : entries) keys.push_back(entry.key);
+    auto guess = nearest(key, keys);
+    if (guess.empty()) {
+        // The right name in the wrong section, or without one.
+        std::vector<std::string> names;
+        for (const auto& candidate : keys) names.emplace_back(name_of(candidate));
+        const auto name = nearest(name_of(key), names);
+        const auto found = std::find(names.begin(), names.end(), name);
+        if (found != names.end()) guess = keys[static_cast<std::size_t>(found - names.begin())];
+    }
+    const auto hint = guess.empty() ? "; --help lists every key" : fmt::format("; did you mean '{}'?", guess);
+    return fmt::format("unknown key '{}'{}", key, hint);
+}
+
+// ---- files --------------------------------------------------------------------------
+
+/// ": No such file or directory; did you mean 'configs/sac/cale.yaml'?", or what there is in its folder.
+std::string missing_file(const std::filesystem::path& file, std::string_view reason) {
+    namespace fs = std::filesystem;
+    std::string text(reason);
+    std::error_code ignored;
+    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    std::vector<std::string> names;
+    for (const auto& item : fs::directory_iterator(folder, ignored)) {
+        if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
+    }
+    std::sort(names.begin(), names.end());
+    const auto guess = nearest(file.filename().string(), names);
+    if (!guess.empty()) {
+        text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
+    } else if (!names.empty()) {
+        text += fmt::format("; '{}' has {}", folder.string(), fmt::join(names, ", "));
+    }
+    return text;
+}
+
+class YamlReader {
+  public:
+    explicit YamlReader(const ConfigTable& table) : table_(table) {}
+
+    /// `asked_by`: "file:line:column: " of the `extends` that leads here, or nothing.
+    void read(const std::filesystem::path& file, const std::string& asked_by = "") {
+        std::string text;
+        try {
+            text = read_file(file);
+        } catch (const std::system_error& error) {
+            throw ConfigError(fmt::format("{}cannot read '{}': {}", asked_by, file.string(),
+                                          missing_file(file, error.code().message())));
+        }
+        std::error_code ignored;  // a pipe has no canonical name, and cannot be extended
+        const auto canonical = std::filesystem::weakly_canonical(file, ignored);
+        if (std::find(chain_.begin(), chain_.end(), canonical) != chain_.end()) {
+            throw ConfigError(
+                fmt::format("{}'{}' extends itself; a base must not lead back to a file that extends it",
+                            asked_by, file.string()));
+        }
+        chain_.push_back(canonical);
+        const auto root = parse(file, text);
+        if (root.IsNull()) return;
+        if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
+        // The base comes first wherever it is named, so that this file has the last word.
+        if (const auto base = root["extends"]) read_base(file, base);
+        Seen seen;
+        for (const auto& item : root) {
+            check_duplicate(seen, file, item.first, scalar(file, item.first));
+            if (item.first.Scalar() != "extends") read_section(file, item.first, item.second);
+        }
+    }
+
+  private:
+    using Seen = std::map<std::string, int>;  // key -> line
+
+    static std::string at(const std::filesystem::path& file, const YAML::Mark& mark) {
+        if (mark.is_null()) return file.string() + ": ";
+        return fmt::format("{}:{}:{}: ", file.string(), mark.line + 1, mark.column + 1);
+    }
+    [[noreturn]] static void fail(const std::filesystem::path& file, const YAML::Node& node,
+                                  const std::string& what) {
+        throw ConfigError(at(file, node.Mark()) + what);
+    }
+    static const std::string& scalar(const std::filesystem::path& file, const YAML::Node& key) {
+        if (!key.IsScalar()) fail(file, key, "a key must be a word");
+        return key.Scalar();
+    }
+
+    static YAML::Node parse(const std::filesystem::path& file, const std::string& text) {
+        try {
+            const auto documents = YAML::LoadAll(text);
+            if (documents.size() > 1)
+                fail(file, documents[1], "a second YAML document ('---'); a file may hold one only");
+            return documents.empty() ? YAML::Node() : documents.front();
+        } catch (const YAML::Exception& error) {
+            throw ConfigError(at(file, error.mark) + "not valid YAML: " + error.msg);
+        }
+    }
+
+    static void check_duplicate(Seen& seen, const std::filesystem::path& file, const YAML::Node& node,
+                                const std::string& key) {
+        const auto [found, is_new] = seen.emplace(key, node.Mark().line + 1);
+        if (!is_new)
+            fail(file, node,
+                 fmt::format("'{}' is set a second time; line {} has the first", key, found->second));
+    }
+
+    void read_base(const std::filesystem::path& file, const YAML::Node& base) {
+        if (!base.IsScalar()) fail(file, base, "'extends' must name one other file");
+        read(file.parent_path() / base.Scalar(), at(file, base.Mark()));
+    }
+
+    void read_section(const std::filesystem::path& file, const YAML::Node& section,
+                      const YAML::Node& settings) {
+        const auto& name = section.Scalar();
+        std::vector<std::string> sections;
+        for (const auto& entry : table_.entries()) sections.emplace_back(section_of(entry.key));
+        if (std::find(sections.begin(), sections.end(), name) == sections.end()) {
+            if (table_.has(name)) {
+                fail(file, section,
+                     fmt::format("'{}' must be written as '{}' below '{}:'", name, name_of(name),
+                                 section_of(name)));
+            }
+            const auto unknown =
+                settings.IsMap() ? fmt::format("unknown section '{}'{}", name, did_you_mean(name, sections))
+                                 : unknown_key(name, table_.entries());
+            fail(file, section, unknown);
+        }
+        if (settings.IsNull()) return;
+        if (!settings.IsMap())
+            fail(file, settings,
+                 fmt::format("'{}' is a section: its settings go below it, one per line", name));
+        Seen seen;
+        for (const auto& item : settings) {
+            const auto key = name + "." + scalar(file, item.first);
+            check_duplicate(seen, file, item.first, key);
+            read_value(file, key, item.first, item.second);
+        }
+    }
+
+    void read_value(const std::filesystem::path& file, const std::string& key, const YAML::Node& key_node,
+                    const YAML::Node& value) {
+        if (!table_.has(key)) fail(file, key_node, unknown_key(key, table_.entries()));
+        const auto& entry = table_.at(key);
+        if (!value.IsScalar() && !value.IsNull()) {
+            fail(file, value, fmt::format("{} must be a single value ({})", key, entry.type));
+        }
+        const bool is_text = std::holds_alternative<std::string*>(entry.member);
+        try {
+            entry.set(value.IsScalar() ? value.Scalar() : is_text ? "" : "null");
+        } catch (const ConfigError& error) {
+            fail(file, value.Mark().is_null() ? key_node : value, error.what());
+        }
+    }
+
+    const ConfigTable& table_;
+    std::vector<std::filesystem::path> chain_;
+};
+
+}  // namespace
+
+std::string nearest(std::string_view text, std::span<const std::string> candidates) {
+    std::string best;
+    // A third of the letters may be wrong, and two always.
+    std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
+    for (const auto& candidate : candidates) {
+        const auto distance = levenshtein(text, candidate);
+        // Nothing in common is no misspelling, however short.
+        if (distance < limit && distance < std::max(text.size(), candidate.size())) {
+            limit = distance;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+void ConfigEntry::set(std::string_view text) const {
+    std::visit(Reader{*this, text}, member);
+}
+
+std::string ConfigEntry::get() const {
+    return std::visit(Writer{}, member);
+}
+
+void ConfigTable::add(std::string_view section, std::string_view name, std::string_view help, Range range,
+                      ConfigMember member) {
+    ConfigEntry entry{fmt::format("{}.{}", section, name),
+                      "",
+                      "",
+                      cale::range_text(range),
+                      std::string(help),
+                      range,
+                      std::move(member)};
+    if (has(entry.key)) throw std::logic_error(fmt::format("two fields are called '{}'", entry.key));
+    entry.type = std::visit(TypeName{}, entry.member);
+    entry.default_text = entry.get();
+    const auto same_section = [&](const ConfigEntry& other) { return section_of(other.key) == section; };
+    const auto last = std::find_if(entries_.rbegin(), entries_.rend(), same_section);
+    entries_.insert(last == entries_.rend() ? entries_.end() : last.base(), std::move(entry));
+}
+
+const ConfigEntry* ConfigTable::find(std::string_view key) const {
+    const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const ConfigEntry& entry) { return entry.key == key; });
+    return found == entries_.end() ? nullptr : &*found;
+}
+
+const ConfigEntry& ConfigTable::at(std::string_view key) const {
+    if (const auto* entry = find(key)) return *entry;
+    throw ConfigError(unknown_key(key, entries_));
+}
+
+void ConfigTable::load(const std::filesystem::path& file) {
+    YamlReader(*this).read(file);
+}
+
+void ConfigTable::set_override(std::string_view key_equals_value) {
+    const auto equals = key_equals_value.find('=');
+    try {
+        if (equals == std::string_view::npos || equals == 0)
+            throw ConfigError("expected KEY=VALUE, such as env.game=breakout");
+        at(key_equals_value.substr(0, equals)).set(key_equals_value.substr(equals + 1));
+    } catch (const ConfigError& error) {
+        throw ConfigError(fmt::format("--set {}: {}", key_equals_value, error.what()));
+    }
+}
+
+std::string ConfigTable::to_yaml() const {
+    std::string yaml;
+    std::string_view section;
+    for (const auto& entry : entries_) {
+        if (section_of(entry.key) != section) {
+            yaml += fmt::format("{}{}:\n", section.empty() ? "" : "\n", section_of(entry.key));
+            section = section_of(entry.key);
+        }
+        const bool is_text = std::holds_alternative<std::string*>(entry.member);
+        const auto value = entry.get();
+        yaml += fmt::format("  # {}\n  {}: {}\n", entry.help, name_of(entry.key),
+                            is_text ? quoted(value) : value);
+    }
+    return yaml;
+}
+
+std::vector<ConfigDifference> ConfigTable::differences(const ConfigTable& there) const {
+    const std::string missing = "(not set)";
+    std::vector<ConfigDifference> result;
+    for (const auto& entry : entries_) {
+        const auto* other = there.find(entry.key);
+        const auto here_text = entry.get();
+        const auto there_text = other ? other->get() : missing;
+        if (!other || here_text != there_text) result.push_back({entry.key, here_text, there_text});
+    }
+    for (const auto& entry : there.entries_) {
+        if (!has(entry.key)) result.push_back({entry.key, missing, entry.get()});
+    }
+    return result;
+}
+
+}  // namespace cale

@@ -1,0 +1,135 @@
+// The settings of a program as one table, made from the `fields` of its configuration
+// structs (cale/fields.h). The table reads YAML files and KEY=VALUE overrides into the
+// structs, checks types, ranges and spelling, and prints them again.
+//
+//     EnvConfig env;
+//     SacConfig agent;
+//     ConfigTable table;
+//     table.add("env", env);
+//     table.add("agent", agent);
+//     table.load("configs/sac/cale.yaml");
+//     table.set_override("env.game=breakout");
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "cale/fields.h"
+
+namespace cale {
+
+/// What the user wrote cannot be used: one sentence that says where, what and the way out.
+/// Programs leave with exit code 2.
+class ConfigError : public std::runtime_error {
+  public:
+    using std::runtime_error::runtime_error;
+};
+
+/// An enumeration member whose type has been forgotten: its value is an index into `names`.
+struct EnumMember {
+    std::span<const std::string_view> names;
+    std::function<std::size_t()> get;
+    std::function<void(std::size_t)> set;
+};
+
+/// The struct member that an entry of the table reads and writes.
+using ConfigMember =
+    std::variant<std::int64_t*, double*, std::optional<double>*, bool*, std::string*, EnumMember>;
+
+/// One setting.
+struct ConfigEntry {
+    std::string key;           // "env.threshold"
+    std::string type;          // "integer", "number", "number or none", "true/false", "text", "one of a, b"
+    std::string default_text;  // the value when it was added to the table
+    std::string range_text;    // "0 to 1", "at least 1"; empty where anything goes
+    std::string help;
+    Range range;
+    ConfigMember member;
+
+    /// Reads `text` into the member. Integers may be written 1000000, 1_000_000 or 1e6;
+    /// true/false also yes/no and on/off; an absent number is none or null.
+    /// Throws ConfigError that names key, value and what is allowed; the member is then unchanged.
+    void set(std::string_view text) const;
+    /// The member's value as text that `set` would read to the same value.
+    std::string get() const;
+};
+
+/// A key whose value is not the same in two tables.
+struct ConfigDifference {
+    std::string key;
+    std::string here;
+    std::string there;
+};
+
+/// The settings of a program, by section. It refers to the structs it was made from: they
+/// must outlive it and stay where they are.
+class ConfigTable {
+  public:
+    /// Adds the fields of `config` as `section.name`. Throws std::logic_error where a key exists already.
+    template <class Config>
+    void add(std::string_view section, Config& config) {
+        fields(config, Adder{*this, section});
+    }
+
+    /// The settings in order, each section's together.
+    const std::vector<ConfigEntry>& entries() const { return entries_; }
+    bool has(std::string_view key) const { return find(key) != nullptr; }
+    /// Throws ConfigError with the nearest key where there is no such key.
+    const ConfigEntry& at(std::string_view key) const;
+
+    /// Reads a YAML file: sections that map keys to values, and perhaps `extends: other.yaml`
+    /// (relative to this file), which is read first. Settings that it does not name keep
+    /// their values. Throws ConfigError, "file:line:column: what is wrong".
+    void load(const std::filesystem::path& file);
+
+    /// Sets one key from "env.threshold=0.5". Throws ConfigError that names the override.
+    void set_override(std::string_view key_equals_value);
+
+    /// All settings and their sentences as YAML that load() reads to the same values.
+    std::string to_yaml() const;
+
+    /// The keys whose values differ, in this table's order; keys that only one has come as "(not set)".
+    std::vector<ConfigDifference> differences(const ConfigTable& there) const;
+
+  private:
+    struct Adder {
+        ConfigTable& table;
+        std::string_view section;
+
+        template <class T>
+        void operator()(std::string_view name, T& member, std::string_view help) const {
+            if constexpr (std::is_enum_v<T>) {
+                table.add(section, name, help, {},
+                          EnumMember{names_of(member), [&member] { return static_cast<std::size_t>(member); },
+                                     [&member](std::size_t index) { member = static_cast<T>(index); }});
+            } else {
+                table.add(section, name, help, {}, &member);
+            }
+        }
+        template <class T>
+        void operator()(std::string_view name, T& member, Range range, std::string_view help) const {
+            table.add(section, name, help, range, &member);
+        }
+    };
+
+    void add(std::string_view section, std::string_view name, std::string_view help, Range range,
+             ConfigMember member);
+    const ConfigEntry* find(std::string_view key) const;
+
+    std::vector<ConfigEntry> entries_;
+};
+
+/// The candidate that `text` is probably a misspelling of, by Levenshtein distance; empty if none is near.
+std::string nearest(std::string_view text, std::span<const std::string> candidates);
+
+}  // namespace cale

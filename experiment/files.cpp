@@ -1,0 +1,124 @@
+#include "experiment/files.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+namespace cale {
+namespace {
+
+[[noreturn]] void fail(const char* verb, const std::filesystem::path& path, int error = errno) {
+    throw std::system_error(error, std::generic_category(),
+                            std::string("cannot ") + verb + " '" + path.string() + "'");
+}
+
+class Descriptor {
+  public:
+    explicit Descriptor(int fd) : fd_(fd) {}
+    Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+    Descriptor& operator=(Descriptor&&) = delete;
+    ~Descriptor() {
+        if (fd_ >= 0) ::close(fd_);
+    }
+    int get() const { return fd_; }
+    /// Network file systems report the last write errors here.
+    int close() { return ::close(std::exchange(fd_, -1)); }
+
+  private:
+    int fd_;
+};
+
+/// A file under a temporary name beside `target`, removed unless it was published.
+class TemporaryFile {
+  public:
+    explicit TemporaryFile(const std::filesystem::path& target) : file_(create(target)) {}
+    TemporaryFile(const TemporaryFile&) = delete;
+    TemporaryFile& operator=(const TemporaryFile&) = delete;
+    ~TemporaryFile() {
+        if (!published_) ::unlink(name_.c_str());
+    }
+
+    bool write(std::string_view bytes) {
+        while (!bytes.empty()) {
+            const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
+            if (written < 0 && errno == EINTR) continue;
+            if (written < 0) return false;
+            bytes.remove_prefix(static_cast<std::size_t>(written));
+        }
+        return true;
+    }
+
+    bool publish(const std::filesystem::path& target) {
+        if (::fsync(file_.get()) != 0 || file_.close() != 0) return false;
+        published_ = ::rename(name_.c_str(), target.c_str()) == 0;
+        return published_;
+    }
+
+  private:
+    int create(const std::filesystem::path& target) {
+        for (int attempt = 0;; ++attempt) {
+            name_ = target.string() + ".tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt);
+            const int fd = ::open(name_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+            if (fd >= 0) return fd;
+            if (errno != EEXIST) fail("write", target);
+        }
+    }
+
+    std::string name_;
+    Descriptor file_;
+    bool published_ = false;
+};
+
+void sync_folder(const std::filesystem::path& path) {
+    const auto parent = path.parent_path();
+    const Descriptor folder(
+        ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder.get() < 0) fail("write", path);
+    // Some file systems cannot sync a folder, and say EINVAL.
+    if (::fsync(folder.get()) != 0 && errno != EINVAL) fail("write", path);
+}
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& path) {
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+    struct stat status {};
+    if (file.get() < 0 || ::fstat(file.get(), &status) != 0) fail("read", path);
+    if (S_ISDIR(status.st_mode)) fail("read", path, EISDIR);
+    std::string bytes;
+    bytes.resize(static_cast<std::size_t>(status.st_size));
+    std::size_t size = 0;
+    // The size is a hint only: the file may grow or shrink meanwhile.
+    while (true) {
+        if (size == bytes.size()) bytes.resize(size + 4096);
+        const ssize_t count = ::read(file.get(), bytes.data() + size, bytes.size() - size);
+        if (count < 0 && errno == EINTR) continue;
+        if (count < 0) fail("read", path);
+        if (count == 0) break;
+        size += static_cast<std::size_t>(count);
+    }
+    bytes.resize(size);
+    return bytes;
+}
+
+void write_file_atomically(const std::filesystem::path& path, std::string_view bytes) {
+    write_file_atomically(path, std::span(&bytes, 1));
+}
+
+void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces) {
+    {
+        TemporaryFile file(path);
+        for (const auto piece : pieces) {
+            if (!file.write(piece)) fail("write", path);
+        }
+        if (!file.publish(path)) fail("write", path);
+    }
+    sync_folder(path);
+}
+
+}  // namespace cale

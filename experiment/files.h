@@ -1,0 +1,25 @@
+// Files that are either whole or not there.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace cale {
+
+/// The contents of a file. Throws std::system_error (a std::runtime_error) whose
+/// text names the file and the operating system's reason.
+std::string read_file(const std::filesystem::path& path);
+
+/// Puts `bytes` in the place of `path`: whoever opens it, even after a crash or a power
+/// cut, finds the old contents or all of the new ones. They are written and synced under
+/// a temporary name in the same folder and then renamed.
+/// Throws std::system_error that names `path` and the reason (disk full, ...), having
+/// removed the temporary file and left the old one as it was.
+void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
+
+/// The same for contents that lie in several places.
+void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces);
+
+}  // namespace cale

@@ -1,0 +1,17 @@
+#include "experiment/versions.h"
+
+#include <torch/version.h>
+
+namespace cale {
+
+std::string_view cale_version() {
+    return CALE_VERSION;
+}
+std::string_view torch_version() {
+    return TORCH_VERSION;
+}
+std::string_view ale_version() {
+    return CALE_ALE_VERSION;
+}
+
+}  // namespace cale
