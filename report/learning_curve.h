@@ -1,0 +1,42 @@
+// The learning curve of one run: what every episode returned, and their moving average.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "report/picture.h"
+
+namespace cale {
+
+/// A finished run's episodes, in the order in which they ended.
+struct EpisodeHistory {
+    std::string env_id{};           // "ALE/Pong-v5"; empty if the file does not say
+    std::vector<double> steps{};    // agent steps of the run when the episode ended
+    std::vector<double> returns{};  // undiscounted, unclipped
+};
+
+/// Reads the columns `r` and `global_step` of an episodes.csv; where the latter is missing, as in a
+/// Monitor file of Stable-Baselines3, the sum of the lengths `l`. Half a last line, as a killed run
+/// leaves it, is passed over. Throws std::runtime_error naming the file and the line at fault.
+EpisodeHistory read_episodes(const std::filesystem::path& path);
+
+/// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.
+std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);
+
+/// Between `low` and `high`, inclusive, about `count` multiples of 1, 2 or 5 times a power of ten.
+std::vector<double> nice_ticks(double low, double high, int count);
+
+/// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve
+/// into less than a third of the picture, as words at the edge.
+struct ReferenceScore {
+    std::string label;  // "human"
+    double score = 0;
+};
+
+/// Thin: every return. Bold: the moving average over a tenth of the episodes, 100 at most.
+Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
+                       const std::vector<ReferenceScore>& references = {});
+
+}  // namespace cale

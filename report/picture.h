@@ -1,0 +1,57 @@
+// A picture as data, lines and words, and its two renderings: SVG for documents and
+// papers, PNG for pages that show no SVG.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace cale {
+
+/// From the upper left corner, in pixels.
+struct Point {
+    double x = 0;
+    double y = 0;
+};
+
+struct Colour {
+    std::uint8_t red = 0;
+    std::uint8_t green = 0;
+    std::uint8_t blue = 0;
+};
+
+struct Line {
+    std::vector<Point> points;
+    Colour colour;
+    double width = 1;
+    bool dashed = false;  // for lines of two points
+};
+
+enum class Anchor { start, middle, end };
+
+struct Words {
+    std::string text;  // UTF-8; a PNG shows ASCII only
+    Point position;    // of the baseline, where `anchor` says
+    Colour colour;
+    double size = 13;
+    Anchor anchor = Anchor::start;
+    bool bold = false;
+};
+
+/// Drawn in order on white: all lines, then all words.
+struct Picture {
+    int width = 800;
+    int height = 450;
+    std::string title{};  // for screen readers
+    std::vector<Line> lines{};
+    std::vector<Words> words{};
+};
+
+std::string to_svg(const Picture& picture);
+
+/// By the extension of `path`: .svg, or .png at twice the size.
+/// Throws std::invalid_argument for any other, std::runtime_error if the file cannot be written.
+void write_picture(const Picture& picture, const std::filesystem::path& path);
+
+}  // namespace cale

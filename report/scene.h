@@ -1,0 +1,36 @@
+// A frame of a film: the game, and beside it what the agent sees and does.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "cale/action.h"
+
+namespace cale {
+
+struct Image {
+    int width = 0;
+    int height = 0;
+    std::vector<std::uint8_t> rgb;  // height x width x RGB
+};
+
+/// What a frame of a film tells besides the game.
+struct Scene {
+    std::span<const std::uint8_t> screen{};  // screen_height x screen_width x RGB
+    int screen_width = 160;
+    int screen_height = 210;
+    std::span<const std::uint8_t> observation{};  // 84 x 84 grey: the newest frame that the agent sees
+    std::optional<ContinuousAction> action{};     // none: a discrete agent, whose event alone is shown
+    double threshold = 0.5;                       // tau
+    Event event = Event::noop;
+    double episode_return = 0;
+};
+
+/// The game three times as large; beside it what the agent sees, and its joystick: the stick in the
+/// unit disc with the lines beyond which it counts, the fire button, the event, the return so far.
+/// Every scene of the same screen size gives an image of the same, even, size.
+Image compose_frame(const Scene& scene);
+
+}  // namespace cale

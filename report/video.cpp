@@ -1,0 +1,100 @@
+#include "report/video.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <stdexcept>
+#include <utility>
+
+namespace cale {
+
+struct VideoWriter::Impl {
+    std::filesystem::path path;
+    int width;
+    int height;
+    int scale;
+    cv::VideoWriter writer{};
+    std::string_view codec{};
+    std::int64_t frames = 0;
+};
+
+VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int height, double frames_per_second,
+                         int scale)
+    : impl_(std::make_unique<Impl>(Impl{.path = path, .width = width, .height = height, .scale = scale})) {
+    if (width < 1 || height < 1 || scale < 1 || width * scale % 2 != 0 || height * scale % 2 != 0) {
+        throw std::invalid_argument(
+            fmt::format("a film of {} x {} pixels, each {} wide, cannot be encoded: its sides "
+                        "must be positive and even",
+                        width, height, scale));
+    }
+    if (path.extension() != ".mp4") {
+        throw std::invalid_argument(
+            fmt::format("cannot film to {}: its name must end in .mp4", path.string()));
+    }
+    // OpenCV does not say why it cannot open a file.
+    std::FILE* probe = std::fopen(path.c_str(), "wb");
+    if (probe == nullptr) {
+        throw std::runtime_error(fmt::format("cannot film to {}: {}", path.string(), std::strerror(errno)));
+    }
+    std::fclose(probe);
+
+    const cv::Size size(width * scale, height * scale);
+    constexpr std::pair<const char*, std::string_view> codecs[] = {{"avc1", "H.264"}, {"mp4v", "MPEG-4"}};
+    for (const auto& [code, name] : codecs) {
+        impl_->codec = name;
+        if (impl_->writer.open(path.string(), cv::CAP_FFMPEG,
+                               cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]), frames_per_second,
+                               size)) {
+            return;
+        }
+    }
+    throw std::runtime_error(
+        fmt::format("cannot film to {}: this OpenCV encodes neither H.264 nor MPEG-4; it needs "
+                    "FFmpeg (Debian's libopencv-videoio has it)",
+                    path.string()));
+}
+
+VideoWriter::~VideoWriter() = default;
+VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
+VideoWriter& VideoWriter::operator=(VideoWriter&&) noexcept = default;
+
+std::string_view VideoWriter::codec() const {
+    return impl_->codec;
+}
+
+void VideoWriter::write(std::span<const std::uint8_t> rgb) {
+    const auto expected =
+        std::size_t{3} * static_cast<std::size_t>(impl_->width) * static_cast<std::size_t>(impl_->height);
+    if (rgb.size() != expected) {
+        throw std::invalid_argument(fmt::format("a frame for {} has {} bytes instead of {} ({} x {} x RGB)",
+                                                impl_->path.string(), rgb.size(), expected, impl_->height,
+                                                impl_->width));
+    }
+    const cv::Mat frame(impl_->height, impl_->width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data()));
+    cv::Mat bgr, large;
+    cv::cvtColor(frame, bgr, cv::COLOR_RGB2BGR);
+    cv::resize(bgr, large, {}, impl_->scale, impl_->scale, cv::INTER_NEAREST);
+    impl_->writer.write(large);
+    ++impl_->frames;
+}
+
+void VideoWriter::close() {
+    impl_->writer.release();
+    // OpenCV does not report frames that it could not write. A film that was cut short has no index,
+    // so it does not even open.
+    cv::VideoCapture film;
+    const bool opened = film.open(impl_->path.string(), cv::CAP_FFMPEG);
+    const auto frames = opened ? std::llround(film.get(cv::CAP_PROP_FRAME_COUNT)) : 0;
+    if (frames != impl_->frames) {
+        throw std::runtime_error(
+            fmt::format("the film {} is damaged: {} of its {} frames can be read back; is the disk full?",
+                        impl_->path.string(), frames, impl_->frames));
+    }
+}
+
+}  // namespace cale
