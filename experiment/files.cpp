@@ -74,7 +74,9 @@ class TemporaryFile {
     bool published_ = false;
 };
 
-void sync_folder(const std::filesystem::path& path) {
+}  // namespace
+
+void sync_name(const std::filesystem::path& path) {
     const auto parent = path.parent_path();
     const Descriptor folder(
         ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -82,8 +84,6 @@ void sync_folder(const std::filesystem::path& path) {
     // Some file systems cannot sync a folder, and say EINVAL.
     if (::fsync(folder.get()) != 0 && errno != EINVAL) fail("write", path);
 }
-
-}  // namespace
 
 std::string read_file(const std::filesystem::path& path) {
     const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
@@ -118,7 +118,7 @@ void write_file_atomically(const std::filesystem::path& path, std::span<const st
         }
         if (!file.publish(path)) fail("write", path);
     }
-    sync_folder(path);
+    sync_name(path);
 }
 
 }  // namespace cale

@@ -22,4 +22,8 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
 /// The same for contents that lie in several places.
 void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces);
 
+/// Returns when the disk knows `path` by its present name (a rename is lost in a power cut until
+/// its folder is synced). Throws std::system_error.
+void sync_name(const std::filesystem::path& path);
+
 }  // namespace cale

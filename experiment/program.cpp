@@ -1,0 +1,221 @@
+#include "experiment/program.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <set>
+#include <thread>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <torch/torch.h>
+#include <nlohmann/json.hpp>
+
+#include "cale/games.h"
+#include "experiment/checkpoint.h"
+#include "experiment/command_line.h"
+#include "experiment/files.h"
+#include "experiment/training.h"
+#include "experiment/versions.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
+
+/// A resumed run may be made longer, and watched in another way; nothing else may differ.
+const std::set<std::string, std::less<>> kMayDifferOnResume = {"train.total_steps",
+                                                               "train.checkpoint_every",
+                                                               "train.keep_checkpoints",
+                                                               "train.save_replay",
+                                                               "eval.every",
+                                                               "eval.episodes",
+                                                               "eval.noop_max",
+                                                               "eval.video",
+                                                               "log.every",
+                                                               "log.tensorboard",
+                                                               "env.rom_dir",
+                                                               "env.env_threads"};
+
+torch::Device choose_device(const std::string& wish) {
+    const bool cuda = torch::cuda::is_available();
+    if (wish == "auto") return cuda ? torch::kCUDA : torch::kCPU;
+    const torch::Device device(wish);
+    if (device.is_cuda() && !cuda) {
+        throw ConfigError(
+            fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
+                        "--cuda on a machine "
+                        "with an NVIDIA GPU",
+                        wish));
+    }
+    return device;
+}
+
+/// In the strict rhythm the environments rest while the learner works, so it may have every core.
+int choose_threads(const std::string& wish) {
+    if (wish == "auto") return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    return std::stoi(wish);
+}
+
+std::string exponent_free(std::int64_t number) {
+    return fmt::format("{:L}", number);
+}
+
+std::string utc_now() {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+std::string host_name() {
+    char name[256] = {};
+    gethostname(name, sizeof(name) - 1);
+    return name;
+}
+
+fs::path choose_run_dir(const CommandLine& line, const Program& program, const Game& game) {
+    if (!line.run_dir.empty()) return line.run_dir;
+    return fs::path("runs") / fmt::format("{}__{}__{}__{}", game.name, program.agent_name, program.train.seed,
+                                          static_cast<std::int64_t>(std::time(nullptr)));
+}
+
+/// A new run's folder; refuses one that holds a run.
+void create_run_dir(const fs::path& run_dir) {
+    for (const auto* name : {"episodes.csv", "config.yaml", "checkpoints"}) {
+        if (fs::exists(run_dir / name)) {
+            throw ConfigError(
+                fmt::format("--run-dir {}: a run is in there already; choose another folder, or go on with "
+                            "it by --resume",
+                            run_dir.string()));
+        }
+    }
+    fs::create_directories(run_dir);
+}
+
+void refuse_other_configuration(const Program& program, const fs::path& run_dir) {
+    const fs::path file = run_dir / "config.yaml";
+    if (!fs::exists(file)) {
+        throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
+                                      file.string(), run_dir.string()));
+    }
+    // The table reads into the structs it was made from: read the old file, note it, and go back.
+    std::vector<std::string> now;
+    for (const auto& entry : program.table.entries()) now.push_back(entry.get());
+    program.table.load(file);
+    std::string different;
+    for (std::size_t i = 0; i < now.size(); ++i) {
+        const auto& entry = program.table.entries()[i];
+        if (entry.get() != now[i] && !kMayDifferOnResume.contains(entry.key)) {
+            different += fmt::format("{}{} was {} and is now {}", different.empty() ? "" : ", ", entry.key,
+                                     entry.get(), now[i]);
+        }
+        entry.set(now[i]);
+    }
+    if (!different.empty()) {
+        throw ResumeError(
+            fmt::format("--resume {}: another configuration: {}; resume with the run's own (leave "
+                        "--config and --set out), or start a new run",
+                        run_dir.string(), different));
+    }
+}
+
+void write_metadata(const fs::path& run_dir, const Program& program, const Game& game, const fs::path& rom,
+                    const torch::Device& device, int threads, int argc, const char* const* argv) {
+    std::string command;
+    for (int i = 0; i < argc; ++i) command += fmt::format("{}{}", i > 0 ? " " : "", argv[i]);
+    const nlohmann::json metadata = {{"program", program.name},
+                                     {"cale", cale_version()},
+                                     {"ale", ale_version()},
+                                     {"libtorch", torch_version()},
+                                     {"command", command},
+                                     {"started", utc_now()},
+                                     {"host", host_name()},
+                                     {"device", device.str()},
+                                     {"threads", threads},
+                                     {"env_id", fmt::format("ALE/{}-v5", game.name)},
+                                     {"exp_name", program.agent_name},
+                                     {"seed", program.train.seed},
+                                     {"rom", rom.string()}};
+    write_file_atomically(run_dir / "metadata.json", metadata.dump(2) + "\n");
+}
+
+int run(const Program& program, int argc, const char* const* argv) {
+    const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
+    if (line.finished) return kDone;
+
+    const Game* game = nullptr;
+    fs::path rom;
+    try {
+        game = &find_game(program.env.game);
+        rom = find_rom(program.env.game, program.env.rom_dir);
+    } catch (const std::exception& error) {
+        throw ConfigError(fmt::format("env.game: {}", error.what()));
+    }
+    const torch::Device device = choose_device(line.device);
+    const int threads = choose_threads(line.threads);
+    at::set_num_threads(threads);
+
+    const fs::path run_dir = choose_run_dir(line, program, *game);
+    if (line.resume) {
+        refuse_other_configuration(program, run_dir);
+    } else {
+        create_run_dir(run_dir);
+    }
+
+    AgentSpec spec;
+    spec.num_envs = program.env.num_envs;
+    spec.seed = static_cast<std::uint64_t>(program.train.seed);
+    spec.device = device;
+    const std::unique_ptr<Agent> agent = program.make_agent(spec);
+
+    write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+    if (!line.resume) write_metadata(run_dir, program, *game, rom, device, threads, argc, argv);
+
+    TrainOptions options{.run_dir = run_dir,
+                         .resume = line.resume,
+                         .progress_bar = line.progress,
+                         .agent_name = program.agent_name};
+    options.header = {
+        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
+        {"protocol", fmt::format("sticky {}, life loss {}, threshold {}", program.env.sticky_probability,
+                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter",
+                                 program.env.threshold)},
+        {"agent steps", fmt::format("{} = {} frames", exponent_free(program.train.total_steps),
+                                    exponent_free(program.train.total_steps * program.env.frame_skip))},
+        {"environments", fmt::format("{}", program.env.num_envs)},
+        {"device", fmt::format("{}, {} threads", device.str(), threads)},
+        {"seed", fmt::format("{}", program.train.seed)},
+        {"run folder", run_dir.string()}};
+    for (const auto& entry : program.table.entries())
+        options.hyperparameters.emplace_back(entry.key, entry.get());
+
+    const Outcome outcome = train(*agent, program.env, program.train, program.eval, program.log, options);
+    return outcome == Outcome::finished ? kDone : kInterrupted;
+}
+
+}  // namespace
+
+int run_program(const Program& program, int argc, const char* const* argv) {
+    const auto fail = [&](const std::exception& error, ExitCode code) {
+        std::fprintf(stderr, "%s: %s\n", program.name.c_str(), error.what());
+        return code;
+    };
+    try {
+        return run(program, argc, argv);
+    } catch (const ConfigError& error) {
+        return fail(error, kUsage);
+    } catch (const ResumeError& error) {
+        return fail(error, kCannotResume);
+    } catch (const c10::Error& error) {
+        // LibTorch's what() carries a stack trace.
+        return fail(std::runtime_error(error.what_without_backtrace()), kFailed);
+    } catch (const std::exception& error) {
+        return fail(error, kFailed);
+    }
+}
+
+}  // namespace cale

@@ -1,0 +1,57 @@
+// What every training program does around its algorithm.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "agents/agent.h"
+#include "experiment/config.h"
+#include "experiment/run_config.h"
+
+namespace cale {
+
+/// One algorithm, ready to be trained: its settings are in the table already.
+struct Program {
+    std::string name;         // "train_sac"
+    std::string agent_name;   // "sac"
+    std::string description;  // for --help
+    ConfigTable& table;
+    EnvConfig& env;
+    TrainConfig& train;
+    EvalConfig& eval;
+    LogConfig& log;
+    std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;
+};
+
+/// Reads the command line, makes or opens the run's folder, trains.
+/// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
+/// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
+int run_program(const Program& program, int argc, const char* const* argv);
+
+/// The main() of a training program in one call.
+template <class AgentConfig>
+int run_program(const std::string& agent_name, const std::string& description,
+                std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
+                const char* const* argv) {
+    RunConfig<AgentConfig> config;
+    ConfigTable table;
+    table.add("env", config.env);
+    table.add("agent", config.agent);
+    table.add("train", config.train);
+    table.add("eval", config.eval);
+    table.add("log", config.log);
+    return run_program(
+        Program{.name = "train_" + agent_name,
+                .agent_name = agent_name,
+                .description = description,
+                .table = table,
+                .env = config.env,
+                .train = config.train,
+                .eval = config.eval,
+                .log = config.log,
+                .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); }},
+        argc, argv);
+}
+
+}  // namespace cale

@@ -1,0 +1,70 @@
+// What a run is, beside its algorithm: the sections train, eval and log of a configuration.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "cale/env.h"
+#include "cale/fields.h"
+
+namespace cale {
+
+struct TrainConfig {
+    std::int64_t total_steps = 50'000'000;
+    std::int64_t seed = 1;
+    std::int64_t checkpoint_every = 250'000;
+    std::int64_t keep_checkpoints = 2;
+    bool save_replay = true;
+};
+
+template <class Visit>
+void fields(TrainConfig& config, Visit&& visit) {
+    visit("total_steps", config.total_steps, Range{1, 1e12},
+          "agent steps of the run, over all environments (frames / frame_skip)");
+    visit("seed", config.seed, Range{0, 4294967295.0}, "everything random in the run follows from it");
+    visit("checkpoint_every", config.checkpoint_every, Range{1, 1e12},
+          "agent steps between checkpoints; one is always written at the end");
+    visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000}, "older checkpoints are deleted");
+    visit("save_replay", config.save_replay,
+          "checkpoints hold the replay; without it a resumed run starts with an empty one");
+}
+
+struct EvalConfig {
+    std::int64_t every = 0;
+    std::int64_t episodes = 10;
+    std::int64_t noop_max = 0;
+    bool video = true;
+};
+
+template <class Visit>
+void fields(EvalConfig& config, Visit&& visit) {
+    visit("every", config.every, Range{0, 1e12},
+          "agent steps between evaluations; 0: only at the end of the run");
+    visit("episodes", config.episodes, Range{0, 10'000}, "games per evaluation; 0: no evaluation");
+    visit("noop_max", config.noop_max, Range{0, 1000},
+          "an evaluated game starts with 0 to this many no-op agent steps");
+    visit("video", config.video, "film the first game of an evaluation");
+}
+
+struct LogConfig {
+    std::int64_t every = 1'000;
+    bool tensorboard = true;
+};
+
+template <class Visit>
+void fields(LogConfig& config, Visit&& visit) {
+    visit("every", config.every, Range{1, 1e12}, "agent steps between the rows of progress.csv");
+    visit("tensorboard", config.tensorboard, "write TensorBoard events beside the CSV files");
+}
+
+/// The whole configuration of a run of one algorithm.
+template <class AgentConfig>
+struct RunConfig {
+    EnvConfig env;
+    AgentConfig agent;
+    TrainConfig train;
+    EvalConfig eval;
+    LogConfig log;
+};
+
+}  // namespace cale

@@ -1,0 +1,350 @@
+#include "experiment/training.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <optional>
+
+#include <fmt/format.h>
+#include <torch/torch.h>
+
+#include "cale/frames.h"
+#include "cale/games.h"
+#include "cale/vector_env.h"
+#include "experiment/checkpoint.h"
+#include "experiment/console.h"
+#include "experiment/evaluation.h"
+#include "experiment/event_file.h"
+#include "experiment/log.h"
+#include "experiment/seeds.h"
+#include "report/learning_curve.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::size_t kStack = 4;
+constexpr std::size_t kRecentEpisodes = 100;
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+/// While it lives, the first SIGINT or SIGTERM sets stop_requested; the next one kills.
+class StopSignals {
+  public:
+    StopSignals() {
+        stop_requested = 0;
+        struct sigaction action = {};
+        action.sa_handler = [](int) { stop_requested = 1; };
+        action.sa_flags = static_cast<int>(SA_RESETHAND);
+        sigaction(SIGINT, &action, &before_interrupt_);
+        sigaction(SIGTERM, &action, &before_terminate_);
+    }
+    ~StopSignals() {
+        sigaction(SIGINT, &before_interrupt_, nullptr);
+        sigaction(SIGTERM, &before_terminate_, nullptr);
+    }
+    StopSignals(const StopSignals&) = delete;
+    StopSignals& operator=(const StopSignals&) = delete;
+
+  private:
+    struct sigaction before_interrupt_ = {};
+    struct sigaction before_terminate_ = {};
+};
+
+/// N games under way: what the agent sees of them and how they have gone so far.
+class Games {
+  public:
+    Games(const EnvConfig& config, std::uint64_t seed, std::int64_t first_step)
+        : env_(config, seeds(config, seed, first_step)),
+          results_(static_cast<std::size_t>(env_.size())),
+          episodes_(results_.size()),
+          stack_(results_.size(), kStack),
+          frames_(results_.size() * kFrameSize),
+          next_frames_(frames_.size()),
+          final_frames_(frames_.size()) {
+        env_.reset(frames_);
+        for (std::size_t i = 0; i < results_.size(); ++i) stack_.push(i, frame(frames_, i));
+    }
+
+    /// [N, 4, 84, 84] uint8; a view that the next play() changes.
+    torch::Tensor observations() const { return stack_tensor(stack_, results_.size(), kStack); }
+
+    /// One agent step everywhere. Appends the episodes that ended to `ended`.
+    void play(const torch::Tensor& actions, Agent& agent, RunState& state, std::vector<Episode>& ended) {
+        if (env_.actions().empty()) {
+            static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
+            env_.step(std::span(reinterpret_cast<const ContinuousAction*>(actions.const_data_ptr<float>()),
+                                results_.size()),
+                      next_frames_, final_frames_, results_);
+        } else {
+            env_.step(std::span(actions.const_data_ptr<std::int64_t>(), results_.size()), next_frames_,
+                      final_frames_, results_);
+        }
+        agent.observe(
+            {.frames = frames_, .actions = actions, .results = results_, .final_frames = final_frames_});
+        std::swap(frames_, next_frames_);
+        state.step += env_.size();
+        for (const auto& result : results_) state.frame += result.frames;
+        for (std::size_t i = 0; i < results_.size(); ++i) {
+            const auto& result = results_[i];
+            auto& episode = episodes_[i];
+            episode.episode_return += result.reward;
+            episode.length += 1;
+            if (result.terminal || result.truncated) stack_.clear(i);
+            stack_.push(i, frame(frames_, i));
+            if (!result.episode_over) continue;
+            episode.global_step = state.step;
+            episode.frame = state.frame;
+            episode.env = static_cast<std::int64_t>(i);
+            episode.truncated = result.truncated;
+            ended.push_back(std::exchange(episode, {}));
+        }
+    }
+
+  private:
+    static std::vector<std::uint32_t> seeds(const EnvConfig& config, std::uint64_t seed,
+                                            std::int64_t first_step) {
+        // A resumed run starts new games, so it must not replay the randomness of the old ones.
+        std::vector<std::uint32_t> result;
+        for (std::int64_t i = 0; i < config.num_envs; ++i) {
+            result.push_back(derive_seed(seed, fmt::format("environment from {}", first_step), i));
+        }
+        return result;
+    }
+    static std::span<const std::uint8_t> frame(const std::vector<std::uint8_t>& frames, std::size_t i) {
+        return std::span(frames).subspan(i * kFrameSize, kFrameSize);
+    }
+
+    VectorEnv env_;
+    std::vector<StepResult> results_;
+    std::vector<Episode> episodes_;
+    FrameStack stack_;
+    std::vector<std::uint8_t> frames_;  // that the next actions are chosen on
+    std::vector<std::uint8_t> next_frames_;
+    std::vector<std::uint8_t> final_frames_;
+};
+
+/// A clock that goes on where the last sitting stopped.
+class Stopwatch {
+  public:
+    explicit Stopwatch(double seconds_before) : seconds_before_(seconds_before) {}
+    double seconds() const {
+        return seconds_before_ +
+               std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    }
+
+  private:
+    double seconds_before_;
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Steps per second since it was last asked to start again.
+struct Speedometer {
+    std::int64_t step = 0;
+    double seconds = 0;
+    double read(std::int64_t step_now, double seconds_now) const {
+        return seconds_now > seconds ? static_cast<double>(step_now - step) / (seconds_now - seconds) : 0;
+    }
+};
+
+std::optional<double> mean(const std::vector<double>& values) {
+    if (values.empty()) return std::nullopt;
+    double sum = 0;
+    for (const double value : values) sum += value;
+    return sum / static_cast<double>(values.size());
+}
+
+/// Whether a multiple of `every` lies in (before, now].
+bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
+    return every > 0 && before / every != now / every;
+}
+
+void check_finite(const std::map<std::string, double>& metrics, const RunState& state,
+                  const fs::path& run_dir) {
+    for (const auto& [name, value] : metrics) {
+        if (std::isfinite(value)) continue;
+        throw std::runtime_error(fmt::format(
+            "{} became {} by agent step {}: training stopped, and the last checkpoint in {} is from before; "
+            "a lower agent.learning_rate is the usual remedy",
+            name, value, state.step, (run_dir / "checkpoints").string()));
+    }
+}
+
+/// The logs, the console and the files of one run, and where the run stands.
+class Run {
+  public:
+    Run(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
+        const LogConfig& log, const TrainOptions& options)
+        : agent_(agent),
+          env_config_(env),
+          config_(config),
+          eval_(eval),
+          log_(log),
+          options_(options),
+          env_id_(fmt::format("ALE/{}-v5", find_game(env.game).name)),
+          state_(options.resume ? load_newest_checkpoint(options.run_dir, agent, config.save_replay)
+                                : RunState{}),
+          resumed_from_(options.resume ? std::optional(state_) : std::nullopt),
+          stopwatch_(state_.seconds),
+          speed_{state_.step, state_.seconds},
+          console_(stderr, options.progress_bar),
+          episodes_(options.run_dir / "episodes.csv",
+                    {.env_id = env_id_,
+                     .agent = options.agent_name,
+                     .seed = static_cast<std::uint64_t>(config.seed)},
+                    resumed_from_ ? std::optional(state_.episodes_offset) : std::nullopt),
+          progress_(options.run_dir / "progress.csv",
+                    resumed_from_ ? std::optional(state_.progress_rows) : std::nullopt) {
+        if (log.tensorboard) {
+            events_.emplace(options.run_dir, resumed_from_ ? std::optional(state_.step) : std::nullopt);
+            events_->write_hyperparameters(options.hyperparameters);
+        }
+    }
+
+    Outcome train() {
+        const StopSignals signals;
+        console_.header(fmt::format("{} on {}", options_.agent_name, env_id_), options_.header);
+        if (resumed_from_) console_.message(fmt::format("Resumed at agent step {}.", state_.step));
+        Games games(env_config_, static_cast<std::uint64_t>(config_.seed), state_.step);
+        std::vector<Episode> ended;
+        while (state_.step < config_.total_steps && !stop_requested) {
+            const std::int64_t before = state_.step;
+            agent_.update();
+            games.play(agent_.act(games.observations(), ActMode::train), agent_, state_, ended);
+            for (const auto& episode : ended) record(episode);
+            ended.clear();
+            if (passed(before, state_.step, log_.every)) report();
+            if (console_.due()) console_.draw(progress());
+            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint();
+            if (passed(before, state_.step, eval_.every) && state_.step < config_.total_steps)
+                run_evaluation();
+        }
+        checkpoint();
+        draw_curve();
+        if (state_.step < config_.total_steps) {
+            console_.message(fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}",
+                                         state_.step, options_.run_dir.string()));
+            return Outcome::interrupted;
+        }
+        run_evaluation();
+        console_.message(fmt::format("Results: {}", options_.run_dir.string()));
+        return Outcome::finished;
+    }
+
+  private:
+    void record(const Episode& episode) {
+        episodes_.write(episode);
+        ++state_.episodes;
+        auto& recent = state_.recent_returns;
+        recent.push_back(episode.episode_return);
+        if (recent.size() > kRecentEpisodes) recent.erase(recent.begin());
+        if (events_) {
+            events_->write(episode.global_step,
+                           {{"charts/episodic_return", episode.episode_return},
+                            {"charts/episodic_length", static_cast<double>(episode.length)}});
+        }
+    }
+
+    Progress progress() {
+        return {.step = state_.step,
+                .total_steps = config_.total_steps,
+                .frame = state_.frame,
+                .steps_per_second = speed_.read(state_.step, stopwatch_.seconds()),
+                .episodes = state_.episodes,
+                .mean_return = mean(state_.recent_returns),
+                .values = shown_};
+    }
+
+    void report() {
+        const double seconds = stopwatch_.seconds();
+        const double steps_per_second = speed_.read(state_.step, seconds);
+        auto metrics = agent_.metrics();
+        check_finite(metrics, state_, options_.run_dir);
+        shown_.clear();
+        for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
+            const auto found = metrics.find(tag);
+            if (found != metrics.end()) shown_.emplace_back(fs::path(tag).filename(), found->second);
+        }
+        if (const auto recent = mean(state_.recent_returns)) metrics["charts/avg_episodic_return"] = *recent;
+        progress_.write({.global_step = state_.step,
+                         .frame = state_.frame,
+                         .seconds = seconds,
+                         .steps_per_second = steps_per_second,
+                         .scalars = metrics});
+        if (events_) {
+            metrics["charts/SPS"] = steps_per_second;
+            events_->write(state_.step, metrics);
+        }
+        console_.report(progress());
+        speed_ = {state_.step, seconds};
+    }
+
+    void checkpoint() {
+        episodes_.sync();
+        progress_.sync();
+        state_.seconds = stopwatch_.seconds();
+        state_.episodes_offset = episodes_.offset();
+        state_.progress_rows = progress_.rows();
+        save_checkpoint(options_.run_dir, agent_, state_, config_.save_replay, config_.keep_checkpoints);
+    }
+
+    void run_evaluation() {
+        if (eval_.episodes == 0) return;
+        const std::string name = fmt::format("step_{:09}", state_.step);
+        const fs::path video = eval_.video ? options_.run_dir / "videos" / (name + ".mp4") : fs::path();
+        if (eval_.video) fs::create_directories(video.parent_path());
+        const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
+        const auto seed = derive_seed(static_cast<std::uint64_t>(config_.seed), "evaluation at", state_.step);
+        const Evaluation result = evaluate(agent_, env_config_, eval_, seed, kStack, video);
+        write_evaluation(csv, result);
+        if (events_) events_->write(state_.step, {{"eval/episodic_return", result.mean_return}});
+        console_.message(
+            fmt::format("Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "
+                        "{} games; {}{}",
+                        state_.step, result.mean_return, result.standard_deviation, result.games.size(),
+                        csv.string(), eval_.video ? ", " + video.string() : ""));
+    }
+
+    void draw_curve() {
+        const EpisodeHistory history = read_episodes(options_.run_dir / "episodes.csv");
+        if (history.steps.empty()) return;
+        const Game& game = find_game(env_config_.game);
+        std::vector<ReferenceScore> references;
+        if (game.random_score) references.push_back({"random", *game.random_score});
+        if (game.human_score) references.push_back({"human", *game.human_score});
+        const Picture picture =
+            learning_curve(history, fmt::format("{} on {}", options_.agent_name, env_id_), references);
+        for (const auto* name : {"learning_curve.svg", "learning_curve.png"}) {
+            write_picture(picture, options_.run_dir / name);
+        }
+    }
+
+    Agent& agent_;
+    const EnvConfig& env_config_;
+    const TrainConfig& config_;
+    const EvalConfig& eval_;
+    const LogConfig& log_;
+    const TrainOptions& options_;
+    std::string env_id_;
+    RunState state_;
+    std::optional<RunState> resumed_from_;
+    Stopwatch stopwatch_;
+    Speedometer speed_;
+    Console console_;
+    EpisodeLog episodes_;
+    ProgressLog progress_;
+    std::optional<EventFile> events_;
+    std::vector<std::pair<std::string, double>> shown_;
+};
+
+}  // namespace
+
+Outcome train(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
+              const LogConfig& log, const TrainOptions& options) {
+    return Run(agent, env, config, eval, log, options).train();
+}
+
+}  // namespace cale

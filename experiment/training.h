@@ -1,0 +1,37 @@
+// The training loop: environments, one agent, logs, evaluations and checkpoints.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agents/agent.h"
+#include "experiment/run_config.h"
+
+namespace cale {
+
+/// What the loop is told beside the configuration.
+struct TrainOptions {
+    std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
+    bool resume = false;
+    bool progress_bar = true;
+    std::string agent_name;                                            // "sac", for episodes.csv
+    std::vector<std::pair<std::string, std::string>> header;           // what the console shows first
+    std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
+};
+
+enum class Outcome { finished, interrupted };
+
+/// Trains `agent` for train.total_steps agent steps and leaves in the run's folder
+/// progress.csv, episodes.csv, TensorBoard events, checkpoints/, learning_curve.svg and,
+/// if evaluations were asked for, eval/ and videos/.
+///
+/// SIGINT and SIGTERM end it early, after a checkpoint; a second one ends the program at once.
+/// Throws std::runtime_error where the disk fails or a logged value is not finite (the
+/// checkpoints before are intact), and ResumeError.
+Outcome train(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
+              const LogConfig& log, const TrainOptions& options);
+
+}  // namespace cale
