@@ -1,0 +1,54 @@
+// Optimisation over lists of parameters in fused kernels: torch::optim::Adam walks them
+// one by one and cannot be captured in a CUDA graph.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <torch/types.h>
+
+namespace cale {
+
+struct AdamConfig {
+    double learning_rate = 6.25e-5;
+    double beta1 = 0.9;
+    double beta2 = 0.999;
+    double epsilon = 1.5e-4;
+};
+
+/// Kingma & Ba 2015, bias-corrected, epsilon outside the root:
+/// p -= learning_rate * m / (1 - beta1^t) / (sqrt(v / (1 - beta2^t)) + epsilon).
+class Adam {
+  public:
+    /// The parameters must be floating-point leaves of one device and type.
+    Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
+
+    /// One step along the parameters' gradients, which must all be there. Throws std::logic_error if not.
+    void step();
+    /// Forgets the gradients.
+    void zero_grad();
+
+    /// The moments and the number of steps, sharing memory with this object:
+    /// "first_moment.0", ..., "second_moment.0", ..., "steps".
+    std::map<std::string, torch::Tensor> state() const;
+
+    double learning_rate() const { return config_.learning_rate; }
+
+  private:
+    AdamConfig config_;
+    std::vector<torch::Tensor> parameters_, first_moments_, second_moments_;
+    torch::Tensor steps_;                       // [] float32 beside the parameters, as the kernel wants it
+    std::vector<torch::Tensor> steps_of_each_;  // the same tensor once per parameter
+};
+
+/// target += tau * (online - target), in place: Polyak averaging. Throws std::invalid_argument
+/// where the lists do not match.
+void soft_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online,
+                 double tau);
+
+/// target = online, in place.
+void hard_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online);
+
+}  // namespace cale

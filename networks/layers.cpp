@@ -1,0 +1,76 @@
+#include "networks/layers.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <torch/torch.h>
+
+namespace cale {
+
+Initialiser orthogonal(double gain) {
+    return [gain](torch::Tensor& weight, at::Generator generator) {
+        const torch::NoGradGuard no_grad;
+        const auto out = weight.size(0);
+        const auto in = weight.numel() / out;
+        auto normal = torch::empty({std::max(out, in), std::min(out, in)}, weight.options());
+        normal.normal_(0, 1, generator);
+        const auto [q, r] = at::linalg_qr(normal);
+        // The signs make the distribution uniform over the orthogonal matrices (Mezzadri 2007).
+        const auto columns = q * r.diagonal().sign() * gain;
+        weight.copy_((out < in ? columns.t() : columns).reshape(weight.sizes()));
+    };
+}
+
+Initialiser glorot_uniform() {
+    return [](torch::Tensor& weight, at::Generator generator) {
+        const torch::NoGradGuard no_grad;
+        const auto receptive_field = weight.numel() / (weight.size(0) * weight.size(1));
+        const auto fans = static_cast<double>((weight.size(0) + weight.size(1)) * receptive_field);
+        const double bound = std::sqrt(6 / fans);
+        weight.uniform_(-bound, bound, generator);
+    };
+}
+
+DenseImpl::DenseImpl(std::int64_t in, std::int64_t out, const Initialiser& initialise,
+                     at::Generator generator)
+    : weight(register_parameter("weight", torch::empty({out, in}))),
+      bias(register_parameter("bias", torch::zeros({out}))) {
+    initialise(weight, std::move(generator));
+}
+
+torch::Tensor DenseImpl::forward(const torch::Tensor& x) const {
+    return at::linear(x, weight, bias);
+}
+
+std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64_t kernel,
+                                                   std::int64_t stride) {
+    const auto positions = (size + stride - 1) / stride;
+    const auto total = std::max<std::int64_t>((positions - 1) * stride + kernel - size, 0);
+    return {total / 2, total - total / 2};
+}
+
+ConvImpl::ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t stride,
+                   const Initialiser& initialise, at::Generator generator)
+    : weight(register_parameter("weight", torch::empty({out, in, kernel, kernel}))),
+      bias(register_parameter("bias", torch::zeros({out}))),
+      kernel_(kernel),
+      stride_(stride) {
+    initialise(weight, std::move(generator));
+}
+
+torch::Tensor ConvImpl::forward(const torch::Tensor& x) const {
+    const auto [top, bottom] = same_padding(x.size(2), kernel_, stride_);
+    const auto [left, right] = same_padding(x.size(3), kernel_, stride_);
+    // at::conv2d pads both sides alike; the copy is only made where they differ.
+    if (top == bottom && left == right) return at::conv2d(x, weight, bias, stride_, {top, left});
+    return at::conv2d(at::constant_pad_nd(x, {left, right, top, bottom}), weight, bias, stride_);
+}
+
+torch::Tensor ConvImpl::forward_rows(const torch::Tensor& x) const {
+    const auto [left, right] = same_padding(x.size(3), kernel_, stride_);
+    const auto used = same_padding(1, kernel_, stride_).first;
+    const auto row_kernel = weight.select(3, used).unsqueeze(2);  // [out, in, 1, kernel]
+    return at::conv2d(at::constant_pad_nd(x, {left, right}), row_kernel, bias, {1, stride_});
+}
+
+}  // namespace cale

@@ -1,0 +1,20 @@
+#include <gtest/gtest.h>
+
+#include "agents/schedules.h"
+#include "support/golden.h"
+
+namespace {
+
+TEST(SchedulesGolden, EpsilonDecaysAsInTheReference) {
+    for (const auto& file : golden::files_of_kind("schedules")) {
+        for (const auto& row : golden::load(file)["epsilon"]) {
+            const double epsilon = cale::linearly_decaying_epsilon(
+                row["decay_period"].as<std::int64_t>(), row["step"].as<std::int64_t>(),
+                row["warmup_steps"].as<std::int64_t>(), row["final"].as<double>());
+            const auto expected = row["epsilon"].as<double>();
+            EXPECT_NEAR(epsilon, expected, 1e-6 * expected) << file << ", step " << row["step"];
+        }
+    }
+}
+
+}  // namespace
