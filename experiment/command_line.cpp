@@ -26,7 +26,7 @@ struct Option {
 
 constexpr Option kOptions[] = {
     {"--config", "FILE", "read settings from this YAML file"},
-    {"--set", "KEY=VALUE", "change one setting; may be repeated, and --set left out"},
+    {"--set", "KEY=VALUE", "change one setting; plain KEY=VALUE does the same"},
     {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5", "env.game"},
     {"--total-timesteps", "N", "agent steps to train for", "train.total_steps"},
     {"--num-envs", "N", "environments that step together", "env.num_envs"},
@@ -159,6 +159,9 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     }
     try {
         app.parse(argc, argv);
+    } catch (const CLI::ArgumentMismatch& error) {
+        const std::string_view what = error.what();  // "--seed: 1 required TEXT missing"
+        throw ConfigError(fmt::format("{} needs a value", what.substr(0, what.find(':'))));
     } catch (const CLI::ParseError& error) {
         throw ConfigError(error.what());
     }
@@ -231,9 +234,7 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
     try {
         arguments = split(table, argc, argv);
     } catch (const ConfigError& error) {
-        const std::string what = error.what();
-        throw ConfigError(
-            fmt::format("{}{} {} --help", what, what.ends_with('?') ? " See" : "; see", program));
+        throw ConfigError(fmt::format("{} (see {} --help)", error.what(), program));
     }
     CommandLine& line = arguments.line;
     line.finished = arguments.help || arguments.version || arguments.print_config;

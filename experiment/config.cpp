@@ -16,15 +16,23 @@
 namespace cale {
 namespace {
 
-std::size_t levenshtein(std::string_view a, std::string_view b) {
-    std::vector<std::size_t> row(b.size() + 1);
+/// Levenshtein's distance, in which two swapped letters are one mistake.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+    std::vector<std::size_t> before(b.size() + 1);  // row i - 1
+    std::vector<std::size_t> row(b.size() + 1);     // row i
+    std::vector<std::size_t> next(b.size() + 1);    // row i + 1
     std::iota(row.begin(), row.end(), std::size_t{0});
     for (std::size_t i = 0; i < a.size(); ++i) {
-        std::size_t diagonal = std::exchange(row[0], i + 1);
+        next[0] = i + 1;
         for (std::size_t j = 0; j < b.size(); ++j) {
-            const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-            diagonal = std::exchange(row[j + 1], std::min({replaced, row[j] + 1, row[j + 1] + 1}));
+            const std::size_t replaced = row[j] + (a[i] == b[j] ? 0 : 1);
+            next[j + 1] = std::min({replaced, next[j] + 1, row[j + 1] + 1});
+            if (i > 0 && j > 0 && a[i] == b[j - 1] && a[i - 1] == b[j]) {
+                next[j + 1] = std::min(next[j + 1], before[j - 1] + 1);
+            }
         }
+        std::swap(before, row);
+        std::swap(row, next);
     }
     return row.back();
 }
@@ -97,12 +105,22 @@ bool is_none(std::string_view text) {
     return word == "none" || word == "null" || word == "~";
 }
 
+/// 1000000000000 -> 1e12, where nothing is lost.
+std::string short_number(double value) {
+    auto text = fmt::format("{:.0e}", value);
+    for (const std::string_view exponent : {"e+0", "e+"}) {
+        if (const auto at = text.find(exponent); at != std::string::npos)
+            text.replace(at, exponent.size(), "e");
+    }
+    return std::abs(value) >= 1e6 && parse_number(text) == value ? text : fmt::to_string(value);
+}
+
 std::string range_text(Range range) {
     const bool low = std::isfinite(range.low);
     const bool high = std::isfinite(range.high);
-    if (low && high) return fmt::format("{} to {}", range.low, range.high);
-    if (low) return fmt::format("at least {}", range.low);
-    if (high) return fmt::format("at most {}", range.high);
+    if (low && high) return fmt::format("{} to {}", short_number(range.low), short_number(range.high));
+    if (low) return "at least " + short_number(range.low);
+    if (high) return "at most " + short_number(range.high);
     return "";
 }
 
@@ -299,21 +317,30 @@ class YamlReader {
         read(file.parent_path() / base.Scalar(), at(file, base.Mark()));
     }
 
+    std::vector<std::string> section_names() const {
+        std::vector<std::string> names;
+        for (const auto& entry : table_.entries()) {
+            const auto name = section_of(entry.key);
+            if (names.empty() || names.back() != name) names.emplace_back(name);
+        }
+        return names;
+    }
+
     void read_section(const std::filesystem::path& file, const YAML::Node& section,
                       const YAML::Node& settings) {
         const auto& name = section.Scalar();
-        std::vector<std::string> sections;
-        for (const auto& entry : table_.entries()) sections.emplace_back(section_of(entry.key));
+        const auto sections = section_names();
         if (std::find(sections.begin(), sections.end(), name) == sections.end()) {
             if (table_.has(name)) {
                 fail(file, section,
                      fmt::format("'{}' must be written as '{}' below '{}:'", name, name_of(name),
                                  section_of(name)));
             }
-            const auto unknown =
-                settings.IsMap() ? fmt::format("unknown section '{}'{}", name, did_you_mean(name, sections))
-                                 : unknown_key(name, table_.entries());
-            fail(file, section, unknown);
+            if (!settings.IsMap()) fail(file, section, unknown_key(name, table_.entries()));
+            const auto guess = did_you_mean(name, sections);
+            const auto hint =
+                guess.empty() ? fmt::format("; there are {}", fmt::join(sections, ", ")) : guess;
+            fail(file, section, fmt::format("unknown section '{}'{}", name, hint));
         }
         if (settings.IsNull()) return;
         if (!settings.IsMap())
@@ -335,10 +362,13 @@ class YamlReader {
             fail(file, value, fmt::format("{} must be a single value ({})", key, entry.type));
         }
         const bool is_text = std::holds_alternative<std::string*>(entry.member);
+        const bool may_be_absent = is_text || std::holds_alternative<std::optional<double>*>(entry.member);
+        if (value.IsNull() && !may_be_absent)
+            fail(file, key_node, fmt::format("{} has no value ({})", key, entry.type));
         try {
-            entry.set(value.IsScalar() ? value.Scalar() : is_text ? "" : "null");
+            entry.set(value.IsScalar() ? value.Scalar() : is_text ? "" : "none");
         } catch (const ConfigError& error) {
-            fail(file, value.Mark().is_null() ? key_node : value, error.what());
+            fail(file, value, error.what());
         }
     }
 
@@ -353,7 +383,7 @@ std::string nearest(std::string_view text, std::span<const std::string> candidat
     // A third of the letters may be wrong, and two always.
     std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
     for (const auto& candidate : candidates) {
-        const auto distance = levenshtein(text, candidate);
+        const auto distance = edit_distance(text, candidate);
         // Nothing in common is no misspelling, however short.
         if (distance < limit && distance < std::max(text.size(), candidate.size())) {
             limit = distance;

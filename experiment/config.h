@@ -129,7 +129,7 @@ class ConfigTable {
     std::vector<ConfigEntry> entries_;
 };
 
-/// The candidate that `text` is probably a misspelling of, by Levenshtein distance; empty if none is near.
+/// The candidate that `text` is probably a misspelling of, by edit distance; empty if none is near.
 std::string nearest(std::string_view text, std::span<const std::string> candidates);
 
 }  // namespace cale
