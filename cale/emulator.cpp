@@ -1,5 +1,6 @@
 #include "cale/emulator.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -70,12 +71,13 @@ struct Emulator::Impl {
           legal_actions(events(ale->getLegalActionSet())) {
         const auto& palette = ale->theOSystem->colourPalette();
         for (int index = 0; index < 256; ++index) {
-            // ALE's palette alternates colours and their gray values; screens hold even indices only.
-            const std::uint32_t colour = palette.getRGB(index & ~1);
+            // ALE takes an index's gray from the entry after its colour.
+            const std::uint32_t colour = palette.getRGB(index);
             rgb[static_cast<std::size_t>(index)] = {static_cast<std::uint8_t>(colour >> 16),
                                                     static_cast<std::uint8_t>(colour >> 8),
                                                     static_cast<std::uint8_t>(colour)};
-            gray[static_cast<std::size_t>(index)] = static_cast<std::uint8_t>(palette.getRGB(index | 1));
+            gray[static_cast<std::size_t>(index)] =
+                static_cast<std::uint8_t>(palette.getRGB(std::min(index + 1, 255)));
         }
     }
 
@@ -124,6 +126,9 @@ int Emulator::lives() const {
 }
 std::int64_t Emulator::frame_number() const {
     return impl_->ale->getFrameNumber();
+}
+std::int64_t Emulator::episode_frame_number() const {
+    return impl_->ale->getEpisodeFrameNumber();
 }
 
 std::span<const std::uint8_t> Emulator::ram() const {

@@ -34,7 +34,10 @@ class Emulator {
 
     bool game_over() const;
     int lives() const;
-    std::int64_t frame_number() const;          // frames acted since the ROM was loaded, resets not counted
+    /// Frames acted since the ROM was loaded, and since the game began. Of the frames that a
+    /// reset takes, only those count in which a few games' menus are worked.
+    std::int64_t frame_number() const;
+    std::int64_t episode_frame_number() const;
     std::span<const std::uint8_t> ram() const;  // the console's 128 bytes
 
     int screen_height() const;

@@ -80,7 +80,6 @@ struct Env::Impl {
         emulator.reset();
         frames.start(emulator.screen());
         lives = emulator.lives();
-        episode_frames = 0;
         episode_over = false;
     }
 
@@ -94,13 +93,12 @@ struct Env::Impl {
         do {
             result.reward += static_cast<float>(emulator.act(event, strength));
             ++result.frames;
-            ++episode_frames;
             look(config.frame_skip - result.frames);
 
             game_over = emulator.game_over();
             const int lives_before = std::exchange(lives, emulator.lives());
             result.terminal = game_over || (config.terminal_on_life_loss && lives < lives_before);
-            result.truncated = !game_over && episode_frames >= config.max_frames_per_episode;
+            result.truncated = !game_over && emulator.episode_frame_number() >= config.max_frames_per_episode;
         } while (result.frames < config.frame_skip && !result.terminal && !result.truncated);
 
         result.lives = lives;
@@ -135,7 +133,6 @@ struct Env::Impl {
     std::vector<Event> actions;
     std::mt19937 noop_generator;
     int lives = 0;
-    std::int64_t episode_frames = 0;
     bool episode_over = true;
 };
 

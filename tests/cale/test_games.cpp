@@ -1,0 +1,71 @@
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cale/emulator.h"
+#include "cale/env.h"
+#include "cale/games.h"
+#include "message_of.h"
+
+namespace {
+
+using cale::find_game;
+using testing::HasSubstr;
+
+TEST(Games, SixtyOfWhichTwentySixAreAtari100k) {
+    const auto games = cale::games();
+    EXPECT_EQ(games.size(), 60u);
+    EXPECT_EQ(std::ranges::count_if(games, &cale::Game::in_atari100k), 26);
+    EXPECT_TRUE(std::ranges::is_sorted(games, {}, &cale::Game::name));
+    const auto unscored = [](const cale::Game& game) { return !game.human_score; };
+    EXPECT_EQ(std::ranges::count_if(games, unscored), 5);
+    for (const auto& game : games) {
+        EXPECT_EQ(game.random_score.has_value(), game.human_score.has_value()) << game.name;
+        EXPECT_TRUE(!game.in_atari100k || game.human_score) << game.name;
+    }
+    EXPECT_EQ(find_game("breakout").human_score, 30.5);
+    EXPECT_EQ(find_game("skiing").random_score, -17098.1);
+}
+
+TEST(Games, EverySpellingIsFound) {
+    for (const auto& game : cale::games()) {
+        const std::string name(game.name);
+        for (const auto& spelling : {name, std::string(game.rom), "ALE/" + name + "-v5", name + "-v4",
+                                     name + "NoFrameskip-v4", name + "Deterministic-v0"}) {
+            EXPECT_EQ(&find_game(spelling), &game) << spelling;
+        }
+    }
+    EXPECT_EQ(find_game("PONG").rom, "pong");
+}
+
+TEST(Games, TheNearestGameIsNamed) {
+    const auto refusal = [](const char* name) {
+        return message_of<std::invalid_argument>([&] { find_game(name); });
+    };
+    EXPECT_THAT(refusal("Pog"), HasSubstr("no game 'Pog': the nearest of the 60 is pong"));
+    EXPECT_THAT(refusal("ALE/SpaceInvader-v5"), HasSubstr("space_invaders"));
+    EXPECT_THAT(refusal("ms_pacmen"), HasSubstr("ms_pacman"));
+    EXPECT_THAT(refusal(""), HasSubstr("no game ''"));
+}
+
+TEST(EmulatorGames, AllSixtyLoadAndStep) {
+    for (const auto& game : cale::games()) {
+        SCOPED_TRACE(game.name);
+        cale::Emulator emulator(game, cale::find_rom(std::string(game.rom), ""), 0, 1);
+        emulator.reset();
+        EXPECT_EQ(std::ssize(emulator.minimal_actions()), game.minimal_action_count);
+        EXPECT_EQ(emulator.legal_actions().size(), game.rom == "skiing" ? 9u : 18u);
+        EXPECT_EQ(emulator.gray_palette()[0], 0);
+        EXPECT_EQ(emulator.screen_width(), cale::kScreenWidth);
+        EXPECT_EQ(emulator.screen().size(),
+                  std::size_t{160} * static_cast<std::size_t>(emulator.screen_height()));
+        EXPECT_EQ(emulator.ram().size(), 128u);
+        const auto before = emulator.frame_number();
+        for (int i = 0; i < 40; ++i) emulator.act(static_cast<cale::Event>(i % cale::kEventCount), 1);
+        EXPECT_EQ(emulator.frame_number() - before, 40);
+        EXPECT_FALSE(emulator.game_over());
+    }
+}
+
+}  // namespace

@@ -1,0 +1,192 @@
+#include <limits>
+#include <numeric>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cale/vector_env.h"
+#include "message_of.h"
+#include "support/golden.h"
+
+namespace {
+
+using cale::ContinuousAction;
+using cale::EnvConfig;
+using cale::kFrameSize;
+using cale::StepResult;
+using cale::VectorEnv;
+using testing::HasSubstr;
+
+using Bytes = std::vector<std::uint8_t>;
+
+EnvConfig config_of(std::int64_t num_envs, std::int64_t threads) {
+    EnvConfig config;
+    config.num_envs = num_envs;
+    config.env_threads = threads;
+    config.max_frames_per_episode = 50;  // episodes end, in the middle of a step
+    config.noop_max = 4;                 // and not all at the same time
+    return config;
+}
+
+ContinuousAction random_action(std::size_t env, std::uint64_t t) {
+    const auto uniform = [&](std::uint64_t i) { return static_cast<float>(golden::uniform(env, 3 * t + i)); };
+    return {uniform(0), 6 * uniform(1) - 3, uniform(2)};
+}
+
+// A vector environment with the memory that it writes to.
+struct Crowd {
+    explicit Crowd(const EnvConfig& config)
+        : count(static_cast<std::size_t>(config.num_envs)),
+          seeds(count),
+          actions(count),
+          frames(count * kFrameSize),
+          final_frames(count * kFrameSize),
+          results(count),
+          envs(config, numbered(seeds)) {
+        envs.reset(frames);
+    }
+    static std::vector<std::uint32_t>& numbered(std::vector<std::uint32_t>& seeds) {
+        std::iota(seeds.begin(), seeds.end(), 100u);
+        return seeds;
+    }
+    void step(std::uint64_t t) {
+        for (std::size_t i = 0; i < count; ++i) actions[i] = random_action(i, t);
+        step();
+    }
+    void step() { envs.step(actions, frames, final_frames, results); }
+    std::span<std::uint8_t> frame(std::size_t i) {
+        return std::span(frames).subspan(i * kFrameSize, kFrameSize);
+    }
+
+    std::size_t count;
+    std::vector<std::uint32_t> seeds;
+    std::vector<ContinuousAction> actions;
+    Bytes frames;
+    Bytes final_frames;
+    std::vector<StepResult> results;
+    VectorEnv envs;
+};
+
+TEST(EmulatorVectorEnv, IsItsEnvironmentsOneByOneOnAnyNumberOfThreads) {
+    constexpr std::size_t kEnvs = 5;
+    constexpr std::uint64_t kSteps = 60;
+    for (const int threads : {1, 2, 4, 0}) {
+        SCOPED_TRACE(threads);
+        Crowd crowd(config_of(kEnvs, threads));
+        EXPECT_EQ(crowd.envs.size(), 5);
+        std::vector<cale::Env> alone;
+        std::vector<Bytes> frames(kEnvs, Bytes(kFrameSize));
+        std::vector<Bytes> final_frames(kEnvs, Bytes(kFrameSize));
+        for (std::size_t i = 0; i < kEnvs; ++i) {
+            alone.emplace_back(config_of(1, 1), crowd.seeds[i]);
+            alone[i].reset(frames[i]);
+            ASSERT_THAT(crowd.frame(i), testing::ElementsAreArray(frames[i]));
+        }
+        int episodes = 0;
+        for (std::uint64_t t = 0; t < kSteps; ++t) {
+            crowd.step(t);
+            for (std::size_t i = 0; i < kEnvs; ++i) {
+                const auto expected = alone[i].step(random_action(i, t), frames[i]);
+                if (expected.episode_over) {
+                    final_frames[i] = frames[i];
+                    alone[i].reset(frames[i]);
+                    ++episodes;
+                }
+                const auto& result = crowd.results[i];
+                EXPECT_EQ(result.reward, expected.reward);
+                EXPECT_EQ(result.terminal, expected.terminal);
+                EXPECT_EQ(result.truncated, expected.truncated);
+                EXPECT_EQ(result.episode_over, expected.episode_over);
+                EXPECT_EQ(result.event, expected.event);
+                EXPECT_EQ(result.lives, expected.lives);
+                EXPECT_EQ(result.frames, expected.frames);
+                ASSERT_TRUE(std::ranges::equal(crowd.frame(i), frames[i]))
+                    << "environment " << i << ", step " << t;
+                ASSERT_TRUE(std::ranges::equal(
+                    std::span(crowd.final_frames).subspan(i * kFrameSize, kFrameSize), final_frames[i]))
+                    << "environment " << i << ", step " << t;
+            }
+        }
+        EXPECT_GT(episodes, 10);
+        for (std::size_t i = 0; i < kEnvs; ++i) {
+            EXPECT_EQ(crowd.envs.env(static_cast<std::int64_t>(i)).frame_number(), alone[i].frame_number());
+        }
+    }
+}
+
+TEST(EmulatorVectorEnv, ABadActionReachesTheCallerWhenAllAreDone) {
+    for (const int threads : {1, 2, 4}) {
+        SCOPED_TRACE(threads);
+        auto config = config_of(4, threads);
+        config.noop_max = 0;
+        Crowd crowd(config);
+        crowd.step(0);
+        crowd.actions[1].radius = std::numeric_limits<float>::quiet_NaN();
+        crowd.actions[3].fire = 7;
+        // The first environment's complaint is the one that arrives.
+        EXPECT_THAT(message_of<std::invalid_argument>([&] { crowd.step(); }), HasSubstr("radius is nan"));
+        const auto frames_of = [&crowd](int i) { return crowd.envs.env(i).frame_number(); };
+        EXPECT_EQ(frames_of(0), 8);
+        EXPECT_EQ(frames_of(1), 4);
+        EXPECT_EQ(frames_of(2), 8);
+        EXPECT_EQ(frames_of(3), 4);
+        crowd.step(1);  // and life goes on
+        EXPECT_EQ(frames_of(1), 8);
+    }
+}
+
+TEST(EmulatorVectorEnv, WhatCannotBeMadeIsReported) {
+    for (const int threads : {1, 2}) {
+        auto config = config_of(3, threads);
+        config.game = "ping";
+        EXPECT_THAT(message_of<std::invalid_argument>([&] { Crowd crowd(config); }),
+                    HasSubstr("no game 'ping'"));
+    }
+    const std::vector<std::uint32_t> seeds{1, 2};
+    EXPECT_THAT(message_of<std::invalid_argument>([&] { VectorEnv(config_of(3, 1), seeds); }),
+                HasSubstr("seeds of environments: 2 given, 3 needed"));
+    EXPECT_THROW(VectorEnv(config_of(0, 1), {}), std::invalid_argument);
+}
+
+TEST(EmulatorVectorEnv, MemoryOfTheWrongSizeIsRefused) {
+    Crowd crowd(config_of(2, 1));
+    Bytes short_frames(2 * kFrameSize - 1);
+    EXPECT_THROW(crowd.envs.reset(short_frames), std::invalid_argument);
+    EXPECT_THROW(crowd.envs.step(crowd.actions, short_frames, crowd.final_frames, crowd.results),
+                 std::invalid_argument);
+    EXPECT_THROW(crowd.envs.step(crowd.actions, crowd.frames, short_frames, crowd.results),
+                 std::invalid_argument);
+    EXPECT_THROW(
+        crowd.envs.step(std::span(crowd.actions).first(1), crowd.frames, crowd.final_frames, crowd.results),
+        std::invalid_argument);
+    EXPECT_THROW(
+        crowd.envs.step(crowd.actions, crowd.frames, crowd.final_frames, std::span(crowd.results).first(1)),
+        std::invalid_argument);
+}
+
+TEST(EmulatorVectorEnv, TakesIndicesOfDiscreteActions) {
+    auto config = config_of(2, 2);
+    config.action_space = cale::ActionSpace::minimal;
+    Crowd crowd(config);
+    EXPECT_EQ(crowd.envs.actions().size(), 6u);
+    const std::vector<std::int64_t> actions{1, 2};
+    crowd.envs.step(actions, crowd.frames, crowd.final_frames, crowd.results);
+    EXPECT_EQ(crowd.results[0].event, crowd.envs.actions()[1]);
+    EXPECT_EQ(crowd.results[1].event, crowd.envs.actions()[2]);
+    const std::vector<std::int64_t> wrong{1, 6};
+    EXPECT_THROW(crowd.envs.step(wrong, crowd.frames, crowd.final_frames, crowd.results), std::out_of_range);
+}
+
+TEST(EmulatorVectorEnv, ComesAndGoesWithoutHanging) {
+    for (int i = 0; i < 5; ++i) {
+        const std::vector<std::uint32_t> seeds{1, 2, 3};
+        VectorEnv unused(config_of(3, 3), seeds);
+    }
+    Crowd crowd(config_of(2, 2));
+    VectorEnv moved = std::move(crowd.envs);
+    moved.step(crowd.actions, crowd.frames, crowd.final_frames, crowd.results);
+    crowd.envs = std::move(moved);
+    crowd.step(0);
+}
+
+}  // namespace
