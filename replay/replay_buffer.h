@@ -34,13 +34,13 @@ struct ReplayConfig {
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
 /// the stack that ends with `frame`.
 struct Experience {
-    std::span<const std::uint8_t> frame;  // height x width
-    std::span<const float> action;        // action_size coordinates (continuous)
-    std::int64_t discrete_action = 0;     // (discrete)
+    std::span<const std::uint8_t> frame = {};  // height x width
+    std::span<const float> action = {};        // action_size coordinates (continuous)
+    std::int64_t discrete_action = 0;          // (discrete)
     float reward = 0;
     bool terminal = false;
     bool truncated = false;
-    std::span<const std::uint8_t> final_frame;  // the frame that followed, needed where truncated
+    std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
 };
 
 /// B transitions. `discount` is 0 where the window met a terminal, gamma^steps otherwise,
