@@ -21,7 +21,8 @@ constexpr Colour kThin{0xa9, 0xc9, 0xea};
 constexpr Colour kBold{0x1b, 0x5f, 0xa8};
 constexpr Colour kReference{0xc2, 0x55, 0x2d};
 
-constexpr double kLeft = 70, kRight = 770, kTop = 70, kBottom = 395;
+constexpr double kLeft = 70, kTop = 70, kRightEdge = 780, kBottom = 395;
+constexpr double kRoomForReferences = 100;
 
 std::vector<std::string_view> split(std::string_view line) {
     std::vector<std::string_view> cells;
@@ -187,19 +188,20 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     low -= margin;
     high += margin;
 
-    const auto x = [&](double step) { return kLeft + step / last_step * (kRight - kLeft); };
+    const double right = references.empty() ? kRightEdge : kRightEdge - kRoomForReferences;
+    const auto x = [&](double step) { return kLeft + step / last_step * (right - kLeft); };
     const auto y = [&](double value) { return kBottom - (value - low) / (high - low) * (kBottom - kTop); };
 
     Picture picture{.width = 800, .height = 450, .title = title};
     for (const double tick : nice_ticks(low, high, 6)) {
-        picture.lines.push_back({{{kLeft, y(tick)}, {kRight, y(tick)}}, kGrid, 1});
+        picture.lines.push_back({{{kLeft, y(tick)}, {right, y(tick)}}, kGrid, 1});
         picture.words.push_back({tick_text(tick), {kLeft - 8, y(tick) + 4}, kFaintInk, 12, Anchor::end});
     }
     for (const double tick : nice_ticks(0, last_step, 6)) {
         picture.lines.push_back({{{x(tick), kBottom}, {x(tick), kBottom + 5}}, kFaintInk, 1});
         picture.words.push_back({tick_text(tick), {x(tick), kBottom + 19}, kFaintInk, 12, Anchor::middle});
     }
-    picture.lines.push_back({{{kLeft, kBottom}, {kRight, kBottom}}, kFaintInk, 1});
+    picture.lines.push_back({{{kLeft, kBottom}, {right, kBottom}}, kFaintInk, 1});
 
     std::vector<Point> thin, bold;
     for (std::size_t i = 0; i < count; ++i) {
@@ -211,36 +213,47 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
         picture.lines.push_back({thinned(bold), kBold, 2.4});
     } else {
         picture.words.push_back({"no episode has ended yet",
-                                 {(kLeft + kRight) / 2, (kTop + kBottom) / 2},
+                                 {(kLeft + right) / 2, (kTop + kBottom) / 2},
                                  kFaintInk,
                                  15,
                                  Anchor::middle});
     }
 
-    for (const auto& reference : references) {
-        const auto text = fmt::format("{} {:g}", reference.label, reference.score);
+    // Their words stand to the right of the curve, one below the other where they would overlap.
+    double lowest_free = kTop - 20;
+    auto from_above = references;
+    std::sort(from_above.begin(), from_above.end(),
+              [](const auto& a, const auto& b) { return a.score > b.score; });
+    for (const auto& reference : from_above) {
+        const double height = std::clamp(y(reference.score), kTop, kBottom);
+        const double baseline = std::max(height + 4, lowest_free);
+        lowest_free = baseline + 15;
+        picture.words.push_back({fmt::format("{} {:g}", reference.label, reference.score),
+                                 {right + 8, baseline},
+                                 kReference,
+                                 12});
         if (fits(reference.score)) {
-            const double height = y(reference.score);
-            picture.lines.push_back({{{kLeft, height}, {kRight, height}}, kReference, 1.2, true});
-            picture.words.push_back({text, {kRight - 4, height - 5}, kReference, 12, Anchor::end});
+            picture.lines.push_back({{{kLeft, height}, {right, height}}, kReference, 1.2, true});
         } else {
-            const bool above = reference.score > data_high;
-            picture.words.push_back({text + (above ? " (far above)" : " (far below)"),
-                                     {kRight - 4, above ? kTop + 12 : kBottom - 8},
+            picture.words.push_back({reference.score > high ? "(far above)" : "(far below)",
+                                     {right + 8, baseline + 15},
                                      kReference,
-                                     12,
-                                     Anchor::end});
+                                     12});
+            lowest_free += 15;
         }
     }
 
     picture.words.push_back({title, {kLeft, 30}, kInk, 18, Anchor::start, true});
     picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
-    picture.words.push_back({"agent steps", {kRight, kBottom + 40}, kInk, 13, Anchor::end});
+    picture.words.push_back({"agent steps", {right, kBottom + 40}, kInk, 13, Anchor::end});
     if (count > 0) {
         picture.words.push_back(
-            {fmt::format("mean of {} episodes", window), {kRight, 30}, kBold, 13, Anchor::end, true});
-        picture.words.push_back(
-            {fmt::format("each of {} episodes", count), {kRight, 48}, {0x6f, 0xa3, 0xd6}, 13, Anchor::end});
+            {fmt::format("mean of {} episodes", window), {kRightEdge, 30}, kBold, 13, Anchor::end, true});
+        picture.words.push_back({fmt::format("each of {} episodes", count),
+                                 {kRightEdge, 48},
+                                 {0x6f, 0xa3, 0xd6},
+                                 13,
+                                 Anchor::end});
     }
     return picture;
 }

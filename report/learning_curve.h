@@ -29,7 +29,7 @@ std::vector<double> moving_average(const std::vector<double>& values, std::size_
 std::vector<double> nice_ticks(double low, double high, int count);
 
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve
-/// into less than a third of the picture, as words at the edge.
+/// into less than a third of the picture, as words beside it.
 struct ReferenceScore {
     std::string label;  // "human"
     double score = 0;

@@ -1,0 +1,39 @@
+// A file that only grows, whose every write is checked.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string_view>
+
+namespace cale {
+
+/// Every write reaches the operating system before it returns, so that a run that is
+/// killed loses nothing and `tail -f` shows the newest line. What can go wrong (no such
+/// folder, no permission, disk full) throws std::runtime_error with the file and the
+/// system's reason.
+class AppendFile {
+  public:
+    /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
+    /// Throws if it has fewer.
+    explicit AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep = std::nullopt);
+    ~AppendFile();
+    AppendFile(AppendFile&& other) noexcept;
+    AppendFile& operator=(AppendFile&& other) noexcept;
+
+    void write(std::string_view bytes);
+    /// Returns when the disk has everything.
+    void sync();
+    /// Bytes in the file.
+    std::int64_t size() const { return size_; }
+    const std::filesystem::path& path() const { return path_; }
+
+  private:
+    [[noreturn]] void fail(std::string_view what) const;
+
+    std::filesystem::path path_;
+    int descriptor_ = -1;
+    std::int64_t size_ = 0;
+};
+
+}  // namespace cale

@@ -1,0 +1,68 @@
+// What a run shows to whoever watches: a header, a progress bar or plain lines, and
+// where the results are.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace cale {
+
+struct Progress {
+    std::int64_t step = 0;  // agent steps
+    std::int64_t total_steps = 0;
+    std::int64_t frame = 0;  // emulated frames
+    double steps_per_second = 0;
+    std::int64_t episodes = 0;
+    std::optional<double> mean_return{};  // of the newest 100 episodes; none before the first ends
+    std::vector<std::pair<std::string, double>>
+        values{};  // what else to show: {"alpha", 0.1}, {"epsilon", 0.01}
+};
+
+/// Seconds as "4:05", "1:02:03" or "12d 03:04"; "-" if they are not finite.
+std::string duration_text(double seconds);
+
+/// One line for a terminal of `width` columns, never wider: what has the least room goes
+/// first, from the end, and the bar takes what is left.
+std::string progress_bar(const Progress& progress, int width);
+
+/// One line for a log.
+std::string progress_line(const Progress& progress);
+
+/// Writes to a file that it does not own, which must outlive it.
+class Console {
+  public:
+    /// Draws a bar if `out` is a terminal and `progress_bar` is wanted, else plain lines.
+    explicit Console(std::FILE* out, bool progress_bar = true);
+
+    /// A title, then one aligned line per label and value.
+    void header(std::string_view title, std::span<const std::pair<std::string, std::string>> facts);
+
+    /// Whether the bar wants to be drawn again: never without a bar, five times a second with one.
+    bool due() const;
+    /// Draws the bar, if there is one.
+    void draw(const Progress& progress);
+    /// The report of every log interval: a line, or the bar drawn again.
+    void report(const Progress& progress);
+
+    /// A line of its own, above the bar.
+    void message(std::string_view text);
+    /// The end: how far the run came, and below it a last line, which says where the results are.
+    void finish(const Progress& progress, std::string_view text);
+
+  private:
+    int width() const;
+
+    std::FILE* out_;
+    bool bar_;
+    bool drawn_ = false;
+    std::chrono::steady_clock::time_point next_draw_{};
+};
+
+}  // namespace cale

@@ -1,0 +1,117 @@
+#include "experiment/log.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string_view>
+
+#include "experiment/files.h"
+
+namespace cale {
+namespace {
+
+constexpr double kFramesPerSecond = 60;
+constexpr std::string_view kProgressColumns = "global_step,frame,seconds,steps_per_second";
+constexpr std::ptrdiff_t kFixedColumns = 4;
+
+/// The lines that are complete: a run that was killed may leave half of one.
+std::vector<std::string_view> whole_lines(std::string_view text) {
+    std::vector<std::string_view> lines;
+    for (auto end = text.find('\n'); end != text.npos; end = text.find('\n')) {
+        lines.push_back(text.substr(0, end));
+        text.remove_prefix(end + 1);
+    }
+    return lines;
+}
+
+std::vector<std::string> split(std::string_view line) {
+    std::vector<std::string> cells;
+    for (auto comma = line.find(','); comma != line.npos; comma = line.find(',')) {
+        cells.emplace_back(line.substr(0, comma));
+        line.remove_prefix(comma + 1);
+    }
+    cells.emplace_back(line);
+    return cells;
+}
+
+/// How long the header and the first `rows` rows of progress.csv are.
+std::int64_t bytes_of_rows(const std::filesystem::path& path, std::int64_t rows) {
+    if (rows == 0) return 0;
+    const std::string text = read_file(path);
+    const auto lines = whole_lines(text);
+    if (std::ssize(lines) < rows + 1 || !lines.front().starts_with(kProgressColumns)) {
+        throw std::runtime_error(fmt::format(
+            "{} does not have the {} rows that it had when the checkpoint was written: it was cut "
+            "or replaced since; restore it, or start a new run",
+            path.string(), rows));
+    }
+    const auto last = lines[static_cast<std::size_t>(rows)];
+    return last.data() + last.size() + 1 - text.data();
+}
+
+}  // namespace
+
+EpisodeLog::EpisodeLog(const std::filesystem::path& path, const RunIdentity& run,
+                       std::optional<std::int64_t> offset)
+    : file_(path, offset), seed_(run.seed) {
+    if (offset) return;
+    const nlohmann::ordered_json first_line = {
+        {"t_start", 0.0}, {"env_id", run.env_id}, {"agent", run.agent}, {"seed", run.seed}};
+    file_.write(fmt::format("#{}\nr,l,t,global_step,frame,seed,env,truncated\n", first_line.dump()));
+}
+
+void EpisodeLog::write(const Episode& episode) {
+    const double game_time = static_cast<double>(episode.frame) / kFramesPerSecond;
+    file_.write(fmt::format("{},{},{:.6f},{},{},{},{},{}\n", episode.episode_return, episode.length,
+                            game_time, episode.global_step, episode.frame, seed_, episode.env,
+                            episode.truncated ? 1 : 0));
+}
+
+ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows)
+    : file_(path, rows ? std::optional(bytes_of_rows(path, *rows)) : std::nullopt), rows_(rows.value_or(0)) {
+    if (rows_ == 0) return;
+    const std::string text = read_file(path);
+    names_ = split(whole_lines(text).front());
+    names_.erase(names_.begin(), names_.begin() + kFixedColumns);
+}
+
+void ProgressLog::write(const Report& report) {
+    std::vector<std::string> unseen;
+    for (const auto& [name, value] : report.scalars) {
+        if (std::find(names_.begin(), names_.end(), name) == names_.end()) unseen.push_back(name);
+    }
+    if (rows_ == 0 || !unseen.empty()) add_columns(unseen);
+
+    auto row = fmt::format("{},{},{:.3f},{:.2f}", report.global_step, report.frame, report.seconds,
+                           report.steps_per_second);
+    for (const auto& name : names_) {
+        const auto scalar = report.scalars.find(name);
+        row += scalar == report.scalars.end() ? "," : fmt::format(",{}", scalar->second);
+    }
+    file_.write(row + "\n");
+    ++rows_;
+}
+
+void ProgressLog::add_columns(const std::vector<std::string>& unseen) {
+    for (const auto& name : unseen) {
+        if (name.find_first_of(",\"\n") != name.npos) {
+            throw std::invalid_argument(fmt::format(
+                "the scalar '{}' cannot name a column: it has a comma, a quote or a line break", name));
+        }
+    }
+    names_.insert(names_.end(), unseen.begin(), unseen.end());
+
+    const std::string old = read_file(file_.path());
+    auto rows = whole_lines(old);
+    if (!rows.empty()) rows.erase(rows.begin());
+    std::string wider =
+        fmt::format("{}{}{}\n", kProgressColumns, names_.empty() ? "" : ",", fmt::join(names_, ","));
+    for (const auto row : rows) wider.append(row).append(unseen.size(), ',').append("\n");
+    write_file_atomically(file_.path(), wider);
+    file_ = AppendFile(file_.path(), static_cast<std::int64_t>(wider.size()));
+}
+
+}  // namespace cale
