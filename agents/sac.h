@@ -46,7 +46,7 @@ struct SacConfig {
     double tau = 0.005;
     double target_entropy = -1.5;
     double reward_scale = 0.1;
-    std::optional<double> reward_clip;
+    std::optional<double> reward_clip = std::nullopt;
     Exploration exploration = Exploration::standard;
     double epsilon_train = 0.01;
     double epsilon_eval = 0.001;

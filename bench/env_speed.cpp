@@ -1,0 +1,44 @@
+// Agent steps per second of our VectorEnv under random continuous actions: one number on stdout.
+//   env_speed GAME ENVIRONMENTS THREADS STEPS
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "cale/vector_env.h"
+
+int main(int argc, char** argv) {
+    if (argc != 5) {
+        std::fprintf(stderr, "usage: env_speed GAME ENVIRONMENTS THREADS STEPS\n");
+        return 2;
+    }
+    cale::EnvConfig config = cale::protocol_200m(argv[1]);
+    config.num_envs = std::atoll(argv[2]);
+    config.env_threads = std::atoll(argv[3]);
+    const std::int64_t steps = std::atoll(argv[4]) / config.num_envs;
+
+    const auto n = static_cast<std::size_t>(config.num_envs);
+    std::vector<std::uint32_t> seeds(n);
+    for (std::size_t i = 0; i < n; ++i) seeds[i] = static_cast<std::uint32_t>(i);
+    cale::VectorEnv env(config, seeds);
+    std::vector<std::uint8_t> frames(n * cale::kFrameSize);
+    std::vector<std::uint8_t> final_frames(frames.size());
+    std::vector<cale::StepResult> results(n);
+    std::vector<cale::ContinuousAction> actions(n);
+    std::mt19937 random(1);
+    std::uniform_real_distribution<float> unit(0, 1);
+    constexpr float pi = std::numbers::pi_v<float>;
+
+    env.reset(frames);
+    std::chrono::steady_clock::time_point start;
+    for (std::int64_t step = -100; step < steps; ++step) {
+        if (step == 0) start = std::chrono::steady_clock::now();
+        for (auto& action : actions) action = {unit(random), pi * (2 * unit(random) - 1), unit(random)};
+        env.step(actions, frames, final_frames, results);
+    }
+    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    std::printf("%.1f\n", static_cast<double>(steps * config.num_envs) / seconds.count());
+}

@@ -1,0 +1,89 @@
+#include "networks/adam.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+namespace cale {
+namespace {
+
+void set_gradient(torch::Tensor& parameter, const torch::Tensor& gradient) {
+    parameter.mutable_grad() = gradient;
+}
+
+TEST(Adam, StepsAsWrittenInThePaper) {
+    const AdamConfig config{.learning_rate = 0.1, .epsilon = 0.01};
+    for (const auto type : {torch::kFloat32, torch::kFloat64}) {
+        auto parameter = torch::tensor({1.0, -2.0}, type).requires_grad_();
+        Adam adam({parameter}, config);
+        double expected[] = {1.0, -2.0}, m[] = {0, 0}, v[] = {0, 0};
+        for (int step = 1; step <= 5; ++step) {
+            const double gradient[] = {0.3 * step, -0.02};
+            set_gradient(parameter, torch::tensor({gradient[0], gradient[1]}, type));
+            adam.step();
+            for (int i = 0; i < 2; ++i) {
+                m[i] = 0.9 * m[i] + 0.1 * gradient[i];
+                v[i] = 0.999 * v[i] + 0.001 * gradient[i] * gradient[i];
+                const double m_hat = m[i] / (1 - std::pow(0.9, step)),
+                             v_hat = v[i] / (1 - std::pow(0.999, step));
+                expected[i] -= 0.1 * m_hat / (std::sqrt(v_hat) + 0.01);
+                EXPECT_NEAR(parameter[i].item<double>(), expected[i], type == torch::kFloat64 ? 1e-12 : 1e-5);
+            }
+        }
+    }
+}
+
+// The fused kernel reads raw memory: a transposed gradient must not be taken as it lies there.
+TEST(Adam, GradientsMayBeLaidOutInAnotherOrder) {
+    auto parameter = torch::zeros({2, 3}, torch::kFloat64).requires_grad_();
+    const auto gradient = torch::tensor({{1.0, -1.0, 1.0}, {-1.0, -1.0, 1.0}}, torch::kFloat64);
+    set_gradient(parameter, gradient.t().contiguous().t());
+    Adam adam({parameter}, {.learning_rate = 0.5, .epsilon = 1e-12});
+    adam.step();
+    EXPECT_TRUE(torch::allclose(parameter.detach(), -0.5 * gradient));
+}
+
+TEST(Adam, EveryParameterNeedsAGradient) {
+    auto parameter = torch::zeros({2}).requires_grad_();
+    Adam adam({parameter}, {});
+    EXPECT_THROW(adam.step(), std::logic_error);
+    set_gradient(parameter, torch::ones({2}));
+    adam.zero_grad();
+    EXPECT_FALSE(parameter.grad().defined());
+    EXPECT_THROW(Adam({}, {}), std::invalid_argument);
+}
+
+TEST(Adam, AStoredStateContinuesTheSameWay) {
+    auto first = torch::zeros({3}).requires_grad_(), second = torch::zeros({3}).requires_grad_();
+    Adam original({first}, {.learning_rate = 0.1}), restored({second}, {.learning_rate = 0.1});
+    const auto gradient = torch::tensor({1.0f, -0.5f, 0.001f});
+    set_gradient(first, gradient);
+    original.step();
+    {
+        const torch::NoGradGuard no_grad;
+        second.copy_(first);
+        const auto from = original.state();
+        for (auto& [name, tensor] : restored.state()) tensor.copy_(from.at(name));
+    }
+    set_gradient(first, -gradient);
+    set_gradient(second, -gradient);
+    original.step();
+    restored.step();
+    EXPECT_TRUE(torch::equal(first.detach(), second.detach()));
+}
+
+TEST(Targets, SoftUpdateMovesByTau) {
+    const std::vector<torch::Tensor> target{torch::zeros({2}), torch::full({1}, 10.0f)};
+    const std::vector<torch::Tensor> online{torch::ones({2}), torch::full({1}, 20.0f)};
+    soft_update(target, online, 0.1);
+    EXPECT_TRUE(torch::allclose(target[0], torch::full({2}, 0.1f)));
+    EXPECT_TRUE(torch::allclose(target[1], torch::full({1}, 11.0f)));
+    EXPECT_TRUE(torch::equal(online[0], torch::ones({2})));
+    hard_update(target, online);
+    EXPECT_TRUE(torch::equal(target[1], online[1]));
+    EXPECT_THROW(soft_update(target, {online[0]}, 0.1), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace cale

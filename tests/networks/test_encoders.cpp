@@ -1,0 +1,189 @@
+#include "networks/encoders.h"
+
+#include <cmath>
+#include <set>
+#include <string>
+
+#include <ATen/CPUGeneratorImpl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+namespace cale {
+namespace {
+
+at::Generator generator(std::uint64_t seed = 1) {
+    return at::detail::createCPUGenerator(seed);
+}
+
+TwoBranchEncoder make(EncoderConfig config) {
+    return TwoBranchEncoder(config, generator());
+}
+
+torch::Tensor frames(std::int64_t batch, std::int64_t stack = 4, std::int64_t height = 84,
+                     std::int64_t width = 84) {
+    return torch::randint(0, 256, {batch, stack, height, width}, generator(5), torch::kUInt8);
+}
+
+double deviation(TwoBranchEncoder& encoder, const std::string& name) {
+    return encoder->named_parameters()[name].std().item<double>();
+}
+
+std::set<std::string> names(const torch::nn::Module& module) {
+    std::set<std::string> all;
+    for (const auto& parameter : module.named_parameters()) all.insert(parameter.key());
+    return all;
+}
+
+struct Shape {
+    EncoderConfig config;
+    std::int64_t features, size;
+};
+
+TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
+    const Shape shapes[] = {
+        {{.encoder = EncoderKind::phi_sac}, 42 * 42 * 32, 50},
+        {{.encoder = EncoderKind::phi_dqn}, 11 * 11 * 64, 512},
+        {{.encoder = EncoderKind::phi_dqn, .phi_dqn = PhiDqn::row1d}, 84 * 11 * 64, 512},
+        {{.encoder = EncoderKind::impala}, 11 * 11 * 32, 512},
+        {{.encoder = EncoderKind::phi_sac, .stack = 2, .frame_height = 12, .frame_width = 9}, 6 * 5 * 32, 50},
+        {{.encoder = EncoderKind::impala, .stack = 1, .frame_height = 12, .frame_width = 9}, 2 * 2 * 32, 512},
+    };
+    for (const auto& [config, features, size] : shapes) {
+        auto encoder = make(config);
+        const auto x = encoder->trunk(frames(2, config.stack, config.frame_height, config.frame_width));
+        EXPECT_EQ(x.sizes(), (std::vector<std::int64_t>{2, features}));
+        EXPECT_EQ(encoder->critic_branch(x).sizes(), (std::vector<std::int64_t>{2, size}));
+        EXPECT_EQ(encoder->actor_branch(x).sizes(), (std::vector<std::int64_t>{2, size}));
+        EXPECT_EQ(encoder->size(), size);
+    }
+}
+
+TEST(Encoder, OnlyPhiSacNormalisesTheActorsBranch) {
+    EXPECT_TRUE(names(*make({.encoder = EncoderKind::phi_sac})).contains("actor_ln.weight"));
+    EXPECT_FALSE(names(*make({.encoder = EncoderKind::phi_dqn})).contains("actor_ln.weight"));
+    EXPECT_TRUE(names(*make({.encoder = EncoderKind::phi_dqn})).contains("critic_ln.weight"));
+}
+
+TEST(Encoder, StartsWithTheStatisticsOfTheReference) {
+    auto phi_sac = make({.encoder = EncoderKind::phi_sac});
+    EXPECT_NEAR(deviation(phi_sac, "conv1.weight"), 0.1666, 0.0005);
+    for (const auto* conv : {"conv2.weight", "conv3.weight", "conv4.weight"})
+        EXPECT_NEAR(deviation(phi_sac, conv), 0.0589, 0.0005);
+    EXPECT_NEAR(deviation(phi_sac, "critic_fc.weight"), 0.00421, 0.00002);
+    EXPECT_NEAR(deviation(phi_sac, "actor_fc.weight"), 0.00421, 0.00002);
+
+    auto phi_dqn = make({.encoder = EncoderKind::phi_dqn});
+    const auto glorot = [](double fans) { return std::sqrt(2 / fans); };
+    EXPECT_NEAR(deviation(phi_dqn, "conv1.weight"), glorot((4 + 32) * 64), 0.0006);
+    EXPECT_NEAR(deviation(phi_dqn, "critic_fc.weight"), glorot(7744 + 512), 0.0001);
+    for (const auto& parameter : phi_dqn->named_parameters()) {
+        if (!parameter.key().ends_with("bias")) continue;
+        EXPECT_EQ(parameter.value().abs().max().item<double>(), 0) << parameter.key();
+    }
+    EXPECT_TRUE(phi_dqn->named_parameters()["critic_ln.weight"].eq(1).all().item<bool>());
+}
+
+TEST(Encoder, LayersOfOneNetworkStartDifferently) {
+    auto encoder = make({.encoder = EncoderKind::phi_sac});
+    const auto parameters = encoder->named_parameters();
+    EXPECT_FALSE(torch::equal(parameters["conv2.weight"], parameters["conv3.weight"]));
+    EXPECT_FALSE(torch::equal(parameters["critic_fc.weight"], parameters["actor_fc.weight"]));
+}
+
+// A trunk whose kernels pass their centre pixel of channel 0 on shows the pixel's scale.
+TEST(Encoder, PixelsAreDividedBy255) {
+    const torch::NoGradGuard no_grad;
+    auto encoder = make({.encoder = EncoderKind::phi_sac});
+    for (auto& parameter : encoder->named_parameters()) {
+        if (!parameter.key().starts_with("conv") || !parameter.key().ends_with("weight")) continue;
+        auto weight = parameter.value();
+        weight.zero_();
+        weight[0][0][1][1] = 1;
+    }
+    const auto x = encoder->trunk(torch::full({1, 4, 84, 84}, 51, torch::kUInt8));
+    EXPECT_FLOAT_EQ(x.max().item<float>(), 0.2f);
+}
+
+TEST(Encoder, FeaturesAreFlattenedChannelFirst) {
+    const torch::NoGradGuard no_grad;
+    auto encoder = make({.encoder = EncoderKind::phi_dqn});
+    for (auto& parameter : encoder->named_parameters()) parameter.value().zero_();
+    encoder->named_parameters()["conv3.bias"][1] = 1;
+    const auto x = encoder->trunk(frames(1))[0];
+    EXPECT_EQ(x.sum().item<float>(), 121);
+    EXPECT_EQ(x.slice(0, 121, 242).sum().item<float>(), 121);
+}
+
+TEST(Encoder, RowsOfRow1dDoNotMix) {
+    const torch::NoGradGuard no_grad;
+    auto encoder = make({.encoder = EncoderKind::phi_dqn, .phi_dqn = PhiDqn::row1d});
+    const auto before = frames(1);
+    auto after = before.clone();
+    after.select(2, 40).zero_();
+    const auto difference =
+        (encoder->trunk(before) - encoder->trunk(after)).abs().reshape({64, 84, 11}).amax({0, 2});
+    for (std::int64_t row = 0; row < 84; ++row)
+        EXPECT_EQ(difference[row].item<float>() > 0, row == 40) << row;
+}
+
+TEST(Encoder, TheActorsBranchDoesNotTrainTheTrunk) {
+    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
+        auto encoder = make({.encoder = kind, .frame_height = 12, .frame_width = 12});
+        const auto x = encoder->trunk(frames(2, 4, 12, 12));
+        encoder->actor_branch(x).sum().backward();
+        for (const auto& parameter : encoder->named_parameters()) {
+            EXPECT_EQ(parameter.value().grad().defined(), parameter.key().starts_with("actor_"))
+                << parameter.key();
+        }
+        encoder->critic_branch(x).square().sum().backward();
+        for (const auto& parameter : encoder->named_parameters()) {
+            EXPECT_TRUE(parameter.value().grad().defined()) << parameter.key();
+        }
+    }
+}
+
+TEST(Encoder, LayerNormHasTheReferencesEpsilon) {
+    const torch::NoGradGuard no_grad;
+    auto encoder = make({.encoder = EncoderKind::phi_sac, .frame_height = 12, .frame_width = 12});
+    encoder->to(torch::kFloat64);
+    auto x = torch::zeros({1, 6 * 6 * 32}, torch::kFloat64);
+    auto weight = encoder->named_parameters()["critic_fc.weight"];
+    weight.zero_();
+    weight[0][0] = 1;
+    x[0][0] = 0.01;  // one unit of 50 is 0.01: the variance is 1.96e-6, close to epsilon
+    const double mean = 0.01 / 50, variance = 0.01 * 0.01 / 50 - mean * mean;
+    EXPECT_NEAR(encoder->critic_branch(x)[0][0].item<double>(),
+                std::tanh((0.01 - mean) / std::sqrt(variance + 1e-6)), 1e-9);
+}
+
+TEST(Encoder, RefusesOtherShapesAndTypesNamingBoth) {
+    auto encoder = make({.encoder = EncoderKind::phi_sac});
+    const auto message = [&](const torch::Tensor& observation) -> std::string {
+        try {
+            encoder->trunk(observation);
+        } catch (const std::invalid_argument& error) {
+            return error.what();
+        }
+        return "accepted";
+    };
+    EXPECT_THAT(message(frames(1, 3)),
+                testing::AllOf(testing::HasSubstr("[B, 4, 84, 84]"), testing::HasSubstr("[1, 3, 84, 84]")));
+    EXPECT_THAT(message(torch::rand({1, 4, 84, 84})), testing::HasSubstr("float"));
+    EXPECT_THROW(make({.stack = 0}), std::invalid_argument);
+}
+
+TEST(Encoder, DoublePrecisionAgreesWithSingle) {
+    const torch::NoGradGuard no_grad;
+    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
+        auto encoder = make({.encoder = kind, .frame_height = 20, .frame_width = 20});
+        const auto x = frames(2, 4, 20, 20);
+        const auto single = encoder->critic_branch(encoder->trunk(x));
+        encoder->to(torch::kFloat64);
+        EXPECT_TRUE(torch::allclose(encoder->critic_branch(encoder->trunk(x)).to(torch::kFloat32), single,
+                                    1e-3, 1e-4));
+    }
+}
+
+}  // namespace
+}  // namespace cale
