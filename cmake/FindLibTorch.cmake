@@ -27,8 +27,11 @@ find_package_handle_standard_args(LibTorch
 
 if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
     add_library(LibTorch::LibTorch INTERFACE IMPORTED)
-    target_include_directories(LibTorch::LibTorch SYSTEM INTERFACE
-        ${LibTorch_INCLUDE_DIR} ${LibTorch_INCLUDE_DIR}/torch/csrc/api/include)
+    # Searched last: the wheel also carries its own fmt and protobuf headers, without their
+    # libraries, and these must not hide the system's.
+    target_compile_options(LibTorch::LibTorch INTERFACE
+        "SHELL:-idirafter ${LibTorch_INCLUDE_DIR}"
+        "SHELL:-idirafter ${LibTorch_INCLUDE_DIR}/torch/csrc/api/include")
     target_link_libraries(LibTorch::LibTorch INTERFACE
         ${LibTorch_CPU_LIBRARY} ${LibTorch_C10_LIBRARY})
 endif()

@@ -10,6 +10,7 @@
 #include "cale/frames.h"
 #include "experiment/files.h"
 #include "experiment/seeds.h"
+#include "report/scene.h"
 #include "report/video.h"
 
 namespace cale {

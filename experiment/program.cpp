@@ -175,10 +175,11 @@ int run(const Program& program, int argc, const char* const* argv) {
     write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
     if (!line.resume) write_metadata(run_dir, program, *game, rom, device, threads, argc, argv);
 
-    TrainOptions options{.run_dir = run_dir,
-                         .resume = line.resume,
-                         .progress_bar = line.progress,
-                         .agent_name = program.agent_name};
+    TrainOptions options;
+    options.run_dir = run_dir;
+    options.resume = line.resume;
+    options.progress_bar = line.progress;
+    options.agent_name = program.agent_name;
     options.header = {
         {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
         {"protocol", fmt::format("sticky {}, life loss {}, threshold {}", program.env.sticky_probability,
