@@ -48,8 +48,10 @@ TEST(ProgressBar, NeverExceedsItsWidth) {
 }
 
 TEST(ProgressBar, DropsTheLeastImportantFirst) {
-    const auto bar = progress_bar(halfway(), 80);
-    EXPECT_EQ(bar, " 50% [########.........]  50k/100k steps  500/s  ETA 1:40  return -12.3");
+    EXPECT_EQ(progress_bar(halfway(), 76),
+              " 50% [###########...........]  50k/100k steps  500/s  ETA 1:40  return -12.3");
+    EXPECT_EQ(progress_bar(halfway(), 36), " 50% [######.......]  50k/100k steps");
+    EXPECT_EQ(progress_bar(halfway(), 12), " 50% [##...]");
 }
 
 TEST(ProgressBar, BeginsEmptyAndEndsFull) {
