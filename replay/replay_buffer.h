@@ -106,7 +106,7 @@ class ReplayBuffer {
     void save(const std::string& path) const;
     /// Goes on exactly where save() was. Throws std::runtime_error, and leaves the buffer
     /// as it was, for a file that is damaged, truncated, of another version, or of
-    /// another configuration.
+    /// another configuration. What the buffer held is in memory until the file proved good.
     void load(const std::string& path);
 
   private:
