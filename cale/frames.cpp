@@ -10,15 +10,7 @@
 namespace cale {
 namespace {
 
-// 160 and 84 are both divisible by four, and the four quarters of a row shrink by the same
-// pattern: they are the lanes of a vector. Column q * (columns / 4) + i of a row is kept at
-// i * 4 + q.
-constexpr std::size_t kLanes = 4;
 constexpr std::size_t kRow = kScreenWidth;
-constexpr std::size_t kNarrow = kFrameWidth;
-constexpr std::size_t kRowSteps = kRow / kLanes;
-constexpr std::size_t kNarrowSteps = kNarrow / kLanes;
-constexpr std::size_t kTaps = 3;  // a cell of 160/84 columns touches three at most
 
 // Rounds 0 <= value < 2^22 half to even, in a way that vectorises everywhere: where a float's
 // last bit is worth one, adding is rounding.
@@ -61,28 +53,27 @@ std::vector<AreaCell> area_cells(int source, int target) {
 }
 
 FramePipeline::FramePipeline(int screen_height, const std::array<std::uint8_t, 256>& gray)
-    : gray_(gray), height_(static_cast<std::size_t>(screen_height)) {
+    : height_(static_cast<std::size_t>(screen_height)) {
     if (gray[0] != 0) throw std::invalid_argument("colour 0 of the gray palette must be black");
     if (screen_height < kFrameHeight) {
         throw std::invalid_argument("a screen of " + std::to_string(screen_height) +
                                     " rows cannot be shrunk to " + std::to_string(kFrameHeight));
     }
+    std::ranges::copy(gray, gray_.begin());
     screens_.fill(std::vector<std::uint8_t>(height_ * kRow));
     changed_.assign(height_, true);
-    narrow_.resize(height_ * kNarrow);
+    narrow_.resize(height_ * kNarrowSteps);
     row_cells_ = area_cells(screen_height, kFrameHeight);
 
-    const auto columns = area_cells(kScreenWidth, kFrameWidth);
-    column_first_.resize(kNarrowSteps);
-    column_weights_.assign(kTaps * kNarrow, 0.0f);
+    const auto cells = area_cells(kScreenWidth, kFrameWidth);
     for (std::size_t i = 0; i < kNarrowSteps; ++i) {
-        const int first = std::min(columns[i].first, static_cast<int>(kRowSteps - kTaps));
-        column_first_[i] = first;
+        Column& column = columns_[i];
+        column.first = std::min(static_cast<std::size_t>(cells[i].first), kRowSteps - column.weights.size());
         for (std::size_t q = 0; q < kLanes; ++q) {
-            const auto& cell = columns[q * kNarrowSteps + i];
-            const auto skipped = static_cast<std::size_t>(cell.first - first) - q * kRowSteps;
+            const AreaCell& cell = cells[q * kNarrowSteps + i];
+            const std::size_t skipped = static_cast<std::size_t>(cell.first) - q * kRowSteps - column.first;
             for (std::size_t tap = 0; tap < cell.weights.size(); ++tap) {
-                column_weights_.at((i * kTaps + skipped + tap) * kLanes + q) = cell.weights[tap];
+                column.weights.at(skipped + tap)[q] = cell.weights[tap];
             }
         }
     }
@@ -110,46 +101,31 @@ void FramePipeline::set(int which, std::span<const std::uint8_t> screen) {
 void FramePipeline::narrow_row(std::size_t row) {
     const std::uint8_t* const first = &screens_[0][row * kRow];
     const std::uint8_t* const second = &screens_[1][row * kRow];
-    std::array<std::uint8_t, kRow> pooled;
-    for (std::size_t q = 0; q < kLanes; ++q) {
-        for (std::size_t i = 0; i < kRowSteps; ++i) {
-            const std::size_t column = q * kRowSteps + i;
-            pooled[i * kLanes + q] = std::max(gray_[first[column]], gray_[second[column]]);
-        }
+    const auto brighter = [&](std::size_t column) {
+        return std::max(gray_[first[column]], gray_[second[column]]);
+    };
+    std::array<Lanes, kRowSteps> pixels;
+    for (std::size_t i = 0; i < kRowSteps; ++i) {
+        pixels[i] = Lanes{brighter(i), brighter(i + kRowSteps), brighter(i + 2 * kRowSteps),
+                          brighter(i + 3 * kRowSteps)};
     }
-    std::array<float, kRow> pixels;
-    for (std::size_t i = 0; i < kRow; ++i) pixels[i] = static_cast<float>(pooled[i]);
-
-    float* const narrow = &narrow_[row * kNarrow];
-    for (std::size_t i = 0; i < kNarrowSteps; ++i) {
-        const float* const source = &pixels[static_cast<std::size_t>(column_first_[i]) * kLanes];
-        const float* const weights = &column_weights_[i * kTaps * kLanes];
-        for (std::size_t q = 0; q < kLanes; ++q) {
-            float sum = weights[q] * source[q];
-            for (std::size_t tap = 1; tap < kTaps; ++tap)
-                sum += weights[tap * kLanes + q] * source[tap * kLanes + q];
-            narrow[i * kLanes + q] = sum;
-        }
+    Lanes* narrow = &narrow_[row * kNarrowSteps];
+    for (const auto& [at, weights] : columns_) {
+        *narrow++ = weights[0] * pixels[at] + weights[1] * pixels[at + 1] + weights[2] * pixels[at + 2];
     }
 }
 
 // The vertical pass, rounded to bytes.
 void FramePipeline::shorten_rows(std::size_t frame_row) {
     const AreaCell& cell = row_cells_[frame_row];
-    const float* source = &narrow_[static_cast<std::size_t>(cell.first) * kNarrow];
-    std::array<float, kNarrow> sums;
-    for (std::size_t i = 0; i < kNarrow; ++i) sums[i] = cell.weights[0] * source[i];
-    for (std::size_t tap = 1; tap < cell.weights.size(); ++tap) {
-        const float weight = cell.weights[tap];
-        source += kNarrow;
-        for (std::size_t i = 0; i < kNarrow; ++i) sums[i] += weight * source[i];
-    }
-    std::array<std::uint8_t, kNarrow> bytes;
-    for (std::size_t i = 0; i < kNarrow; ++i) bytes[i] = round_to_byte(sums[i]);
-
-    std::uint8_t* const target = &frame_[frame_row * kNarrow];
-    for (std::size_t q = 0; q < kLanes; ++q) {
-        for (std::size_t i = 0; i < kNarrowSteps; ++i) target[q * kNarrowSteps + i] = bytes[i * kLanes + q];
+    std::uint8_t* const target = &frame_[frame_row * kFrameWidth];
+    for (std::size_t i = 0; i < kNarrowSteps; ++i) {
+        const Lanes* source = &narrow_[static_cast<std::size_t>(cell.first) * kNarrowSteps + i];
+        Lanes sum = cell.weights[0] * source[0];
+        for (std::size_t tap = 1; tap < cell.weights.size(); ++tap) {
+            sum += cell.weights[tap] * source[tap * kNarrowSteps];
+        }
+        for (std::size_t q = 0; q < kLanes; ++q) target[q * kNarrowSteps + i] = round_to_byte(sum[q]);
     }
 }
 

@@ -43,21 +43,31 @@ class FramePipeline {
     void write(std::span<std::uint8_t> frame);
 
   private:
+    // The four quarters of a row shrink by the same pattern: they are the lanes of a vector.
+    static constexpr std::size_t kLanes = 4;
+    static constexpr std::size_t kRowSteps = kScreenWidth / kLanes;
+    static constexpr std::size_t kNarrowSteps = kFrameWidth / kLanes;
+    using Lanes [[gnu::vector_size(16)]] = float;
+    // The column i of each quarter: a cell of 160/84 columns touches three at most.
+    struct Column {
+        std::size_t first = 0;
+        std::array<Lanes, 3> weights{};
+    };
+
     void set(int which, std::span<const std::uint8_t> screen);
     void narrow_row(std::size_t row);
     void shorten_rows(std::size_t frame_row);
 
-    std::array<std::uint8_t, 256> gray_;
+    std::array<float, 256> gray_;
     std::size_t height_;
     std::array<std::vector<std::uint8_t>, 2> screens_;
     // Most rows are the same from step to step. Only those that changed pass through the resize;
     // the others' results are still there.
     std::vector<std::uint8_t> changed_;  // by screen row
-    std::vector<float> narrow_;          // screen_height x kFrameWidth, columns interleaved
+    std::vector<Lanes> narrow_;          // screen_height x kNarrowSteps
     std::array<std::uint8_t, kFrameSize> frame_{};
 
-    std::vector<int> column_first_;
-    std::vector<float> column_weights_;
+    std::array<Column, kNarrowSteps> columns_;
     std::vector<AreaCell> row_cells_;
 };
 
