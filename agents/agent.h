@@ -60,6 +60,7 @@ class Agent {
     virtual void load_state(const TensorMap& state) = 0;
     /// The replay's contents, written to and read from a file; agents without memory do nothing.
     virtual void save_memory(const std::string& path) const = 0;
+    /// After it new games begin: what was remembered of unfinished episodes is dropped.
     virtual void load_memory(const std::string& path) = 0;
 };
 

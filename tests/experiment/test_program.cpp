@@ -1,0 +1,106 @@
+// train_sac from its command line to its exit code.
+#include "experiment/program.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "agents/sac.h"
+#include "cale/games.h"
+#include "experiment/files.h"
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+
+struct Answer {
+    int code;
+    std::string stderr_text;
+};
+
+Answer train_sac(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "train_sac");
+    std::vector<const char*> argv;
+    for (const auto& argument : arguments) argv.push_back(argument.c_str());
+    testing::internal::CaptureStderr();
+    const int code =
+        run_program<SacConfig>("sac", "Trains.", make_sac, static_cast<int>(argv.size()), argv.data());
+    return {code, testing::internal::GetCapturedStderr()};
+}
+
+/// A run of a few steps with a small network.
+std::vector<std::string> small(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"--run-dir", run_dir.string(), "--threads", "1", "--no-progress",
+                                          "agent.encoder=phi_dqn", "agent.hidden_units=8",
+                                          "agent.replay_capacity=1000", "train.total_steps=12",
+                                          "eval.episodes=0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
+    const TemporaryFolder folder;
+    const auto answer = train_sac(small(folder.path() / "run", {"env.game=ALE/MsPacman-v5", "--seed", "5"}));
+    EXPECT_EQ(answer.code, 0) << answer.stderr_text;
+    EXPECT_THAT(read_file(folder.path() / "run" / "config.yaml"), testing::HasSubstr("seed: 5"));
+    EXPECT_THAT(read_file(folder.path() / "run" / "metadata.json"), testing::HasSubstr("ALE/MsPacman-v5"));
+}
+
+TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    for (const auto& [mistake, said] : std::vector<std::pair<std::string, std::string>>{
+             {"env.gmae=pong", "env.game"},
+             {"env.game=pongg", "pong"},
+             {"env.threshold=1.5", "0 to 1"},
+             {"env.rom_dir=/nowhere", "/nowhere"}}) {
+        const auto answer = train_sac(small(run, {mistake}));
+        EXPECT_EQ(answer.code, 2) << mistake;
+        EXPECT_THAT(answer.stderr_text, testing::HasSubstr(said)) << mistake;
+        EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1) << answer.stderr_text;
+        EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
+    }
+    EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
+}
+
+TEST(ProgramEmulator, AFolderWithARunIsNotOverwritten) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto again = train_sac(small(folder.path()));
+    EXPECT_EQ(again.code, 2);
+    EXPECT_THAT(again.stderr_text, testing::HasSubstr("--resume"));
+}
+
+TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
+    const TemporaryFolder folder;
+    EXPECT_EQ(train_sac({"--resume", "--run-dir", (folder.path() / "none").string()}).code, 3);
+
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto other = train_sac({"--resume", "--run-dir", folder.path().string(), "agent.gamma=0.5", "--no-progress"});
+    EXPECT_EQ(other.code, 3);
+    EXPECT_THAT(other.stderr_text, testing::HasSubstr("agent.gamma was 0.99 and is now 0.5"));
+
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(longer.code, 0) << longer.stderr_text;
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "checkpoints" / "step_000000020"));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
+}
+
+TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {
+    for (const Game& game : games()) {
+        const TemporaryFolder folder;
+        const auto answer = train_sac(small(folder.path(), {"--config", CALE_SOURCE_DIR "/configs/sac/atari100k.yaml",
+                                                            "env.game=" + std::string(game.name),
+                                                            "train.save_replay=false"}));
+        EXPECT_EQ(answer.code, 0) << game.name << ": " << answer.stderr_text;
+    }
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,231 @@
+// The training loop, with a small agent whose every call is known, and with SAC itself.
+#include "experiment/training.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <sstream>
+
+#include <torch/torch.h>
+
+#include "agents/sac.h"
+#include "experiment/checkpoint.h"
+#include "experiment/files.h"
+#include "experiment/safetensors.h"
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+
+namespace fs = std::filesystem;
+
+/// Moves at random and writes down what is asked of it.
+class ScribeAgent : public Agent {
+  public:
+    explicit ScribeAgent(std::int64_t num_envs) : num_envs_(num_envs) {}
+
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        if (mode == ActMode::evaluate) {
+            ++evaluated;
+            return torch::tensor({{1.0f, 0.0f, 1.0f}});
+        }
+        calls += 'a';
+        first_frames_blank.push_back(observations.slice(1, 0, 3).sum().item<std::int64_t>() == 0);
+        auto actions = torch::empty({num_envs_, 3});
+        std::uniform_real_distribution<float> unit(0, 1);
+        for (std::int64_t i = 0; i < num_envs_; ++i) {
+            actions[i][0] = unit(random_);
+            actions[i][1] = 3.14f * (2 * unit(random_) - 1);
+            actions[i][2] = unit(random_);
+        }
+        return actions;
+    }
+    void observe(const Experiences& experiences) override {
+        calls += 'o';
+        steps += num_envs_;
+        for (const auto& result : experiences.results) rewards += result.reward;
+        if (steps == interrupt_at) raise(SIGINT);
+    }
+    bool update() override {
+        calls += 'u';
+        return false;
+    }
+    std::map<std::string, double> metrics() override { return {{"losses/qf_loss", loss}}; }
+    TensorMap state() const override { return {{"steps", torch::tensor(steps)}}; }
+    void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
+    void save_memory(const std::string& path) const override { write_file_atomically(path, "memory"); }
+    void load_memory(const std::string& path) override { memory = read_file(path); }
+
+    std::int64_t steps = 0, evaluated = 0, interrupt_at = -1;
+    double rewards = 0, loss = 0.5;
+    std::string calls, memory;
+    std::vector<bool> first_frames_blank;
+
+  private:
+    std::int64_t num_envs_;
+    std::mt19937 random_{1};
+};
+
+class TrainingEmulator : public testing::Test {
+  protected:
+    TrainingEmulator() {
+        env = protocol_atari100k("breakout");
+        train_config.total_steps = 400;
+        train_config.checkpoint_every = 150;
+        eval.episodes = 1;
+        env.max_frames_per_episode = 1200;
+        log.every = 100;
+        options.run_dir = folder.path();
+        options.progress_bar = false;
+        options.agent_name = "scribe";
+    }
+
+    Outcome train(Agent& agent) { return cale::train(agent, env, train_config, eval, log, options); }
+    std::vector<std::string> lines(const std::string& name) const {
+        std::istringstream text(read_file(folder.path() / name));
+        std::vector<std::string> result;
+        for (std::string line; std::getline(text, line);) result.push_back(line);
+        return result;
+    }
+
+    TemporaryFolder folder;
+    EnvConfig env;
+    TrainConfig train_config;
+    EvalConfig eval;
+    LogConfig log;
+    TrainOptions options;
+};
+
+TEST_F(TrainingEmulator, AsksUpdateActObserveInThatOrder) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train_config.total_steps = 3;
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.calls, "uaouaouao");
+    EXPECT_TRUE(agent.first_frames_blank.front());
+    EXPECT_FALSE(agent.first_frames_blank.back() && agent.first_frames_blank[1]);
+}
+
+TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
+    ScribeAgent agent(1);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.steps, 400);
+    EXPECT_GT(agent.evaluated, 0);
+    EXPECT_EQ(lines("progress.csv").size(), 5u) << "a header and a row every 100 steps";
+    EXPECT_GE(lines("episodes.csv").size(), 3u) << "two comment lines and at least one game of breakout";
+    for (const auto* name : {"learning_curve.svg", "videos/step_000000400.mp4", "eval/step_000000400.csv",
+                             "checkpoints/step_000000400/state.json"}) {
+        EXPECT_TRUE(fs::exists(folder.path() / name)) << name;
+    }
+    EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
+}
+
+TEST_F(TrainingEmulator, CountsTheReturnsOfEveryEnvironment) {
+    env.num_envs = 3;
+    eval.episodes = 0;
+    train_config.total_steps = 1500;
+    ScribeAgent agent(3);
+    train(agent);
+    double sum = 0;
+    const auto rows = lines("episodes.csv");
+    for (std::size_t i = 2; i < rows.size(); ++i) sum += std::stod(rows[i]);
+    EXPECT_GT(sum, 0);
+    EXPECT_LE(sum, agent.rewards) << "episodes under way at the end are not in the table";
+    EXPECT_GE(sum, agent.rewards - 30);
+}
+
+TEST_F(TrainingEmulator, ResumesWhereTheCheckpointStood) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto episodes_before = lines("episodes.csv");
+    // Rows from after the checkpoint, as a killed run leaves them, must go.
+    std::ofstream(folder.path() / "episodes.csv", std::ios::app) << "9,9,9,9,9,9,9,0\n";
+
+    options.resume = true;
+    train_config.total_steps = 700;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_EQ(second.steps, 700);
+    EXPECT_EQ(second.memory, "memory");
+    const auto episodes = lines("episodes.csv");
+    ASSERT_GE(episodes.size(), episodes_before.size());
+    for (std::size_t i = 0; i < episodes_before.size(); ++i) EXPECT_EQ(episodes[i], episodes_before[i]);
+    for (const auto& line : episodes) EXPECT_EQ(line.find("9,9,9"), std::string::npos);
+    EXPECT_EQ(lines("progress.csv").size(), 8u);
+}
+
+TEST_F(TrainingEmulator, AnInterruptLeavesACheckpoint) {
+    ScribeAgent agent(1);
+    agent.interrupt_at = 42;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
+    EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000042");
+    EXPECT_EQ(agent.evaluated, 0);
+}
+
+TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
+    ScribeAgent agent(1);
+    agent.loss = std::numeric_limits<double>::quiet_NaN();
+    try {
+        train(agent);
+        FAIL() << "it went on";
+    } catch (const std::runtime_error& error) {
+        EXPECT_THAT(error.what(), testing::HasSubstr("losses/qf_loss became nan by agent step 100"));
+    }
+}
+
+TEST_F(TrainingEmulator, ADamagedCheckpointIsNamed) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto newest = list_checkpoints(folder.path()).back();
+    fs::resize_file(newest / "agent.safetensors", 20);
+    options.resume = true;
+    ScribeAgent second(1);
+    try {
+        train(second);
+        FAIL() << "it was accepted";
+    } catch (const ResumeError& error) {
+        EXPECT_THAT(error.what(), testing::HasSubstr(newest.string()));
+    }
+}
+
+TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
+    at::set_num_threads(1);
+    SacConfig config;
+    config.encoder = EncoderKind::phi_dqn;
+    config.hidden_units = 16;
+    config.min_replay = 30;
+    config.update_period = 8;
+    config.batch_size = 4;
+    config.replay_capacity = 1000;
+    train_config.total_steps = 260;
+    eval.episodes = 0;
+
+    std::vector<std::string> episodes, parameters;
+    for (const std::uint64_t seed : {7u, 7u, 8u}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        train_config.seed = static_cast<std::int64_t>(seed);
+        AgentSpec spec;
+        spec.seed = seed;
+        const auto agent = make_sac(config, spec);
+        train(*agent);
+        episodes.push_back(read_file(place.path() / "episodes.csv"));
+        parameters.push_back(read_file(list_checkpoints(place.path()).back() / "agent.safetensors"));
+    }
+    EXPECT_EQ(episodes[0], episodes[1]);
+    EXPECT_TRUE(parameters[0] == parameters[1]) << "parameters, optimisers and generators, bit for bit";
+    EXPECT_FALSE(parameters[0] == parameters[2]) << "another seed, another run";
+}
+
+}  // namespace
+}  // namespace cale
