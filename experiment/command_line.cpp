@@ -157,6 +157,11 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
                                                  arguments.shortcuts.emplace_back(option, value);
                                              });
     }
+    for (auto* option : app.get_options()) {
+        option->check([](const std::string& value) {
+            return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
+        });
+    }
     try {
         app.parse(argc, argv);
     } catch (const CLI::ArgumentMismatch& error) {

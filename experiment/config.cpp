@@ -49,6 +49,19 @@ std::string did_you_mean(std::string_view text, std::span<const std::string> can
     return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
 }
 
+std::string one_line(std::string_view text) {
+    std::string result;
+    for (const char c : text) {
+        const auto byte = static_cast<unsigned char>(c);
+        if (byte < 0x20 || byte == 0x7f) {
+            result += fmt::format("\\x{:02x}", byte);
+        } else {
+            result += c;
+        }
+    }
+    return result;
+}
+
 // ---- values -------------------------------------------------------------------------
 
 std::string lower(std::string_view text) {
@@ -269,7 +282,11 @@ class YamlReader {
         if (root.IsNull()) return;
         if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
         // The base comes first wherever it is named, so that this file has the last word.
-        if (const auto base = root["extends"]) read_base(file, base);
+        for (const auto& item : root) {
+            if (scalar(file, item.first) != "extends") continue;
+            read_base(file, item.first, item.second);
+            break;
+        }
         Seen seen;
         for (const auto& item : root) {
             check_duplicate(seen, file, item.first, scalar(file, item.first));
@@ -312,8 +329,8 @@ class YamlReader {
                  fmt::format("'{}' is set a second time; line {} has the first", key, found->second));
     }
 
-    void read_base(const std::filesystem::path& file, const YAML::Node& base) {
-        if (!base.IsScalar()) fail(file, base, "'extends' must name one other file");
+    void read_base(const std::filesystem::path& file, const YAML::Node& key, const YAML::Node& base) {
+        if (!base.IsScalar()) fail(file, base.IsNull() ? key : base, "'extends' must name one other file");
         read(file.parent_path() / base.Scalar(), at(file, base.Mark()));
     }
 
@@ -377,6 +394,8 @@ class YamlReader {
 };
 
 }  // namespace
+
+ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(one_line(sentence)) {}
 
 std::string nearest(std::string_view text, std::span<const std::string> candidates) {
     std::string best;
@@ -460,18 +479,24 @@ std::string ConfigTable::to_yaml() const {
     return yaml;
 }
 
-std::vector<ConfigDifference> ConfigTable::differences(const ConfigTable& there) const {
-    const std::string missing = "(not set)";
+std::vector<ConfigDifference> ConfigTable::differences(const std::filesystem::path& file) {
+    std::vector<std::string> here;
+    for (const auto& entry : entries_) here.push_back(entry.get());
+    const auto restore = [&] {
+        for (std::size_t i = 0; i < entries_.size(); ++i) entries_[i].set(here[i]);
+    };
+    try {
+        load(file);
+    } catch (...) {
+        restore();
+        throw;
+    }
     std::vector<ConfigDifference> result;
-    for (const auto& entry : entries_) {
-        const auto* other = there.find(entry.key);
-        const auto here_text = entry.get();
-        const auto there_text = other ? other->get() : missing;
-        if (!other || here_text != there_text) result.push_back({entry.key, here_text, there_text});
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+        const auto there = entries_[i].get();
+        if (there != here[i]) result.push_back({entries_[i].key, here[i], there});
     }
-    for (const auto& entry : there.entries_) {
-        if (!has(entry.key)) result.push_back({entry.key, missing, entry.get()});
-    }
+    restore();
     return result;
 }
 

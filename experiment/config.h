@@ -29,10 +29,11 @@
 namespace cale {
 
 /// What the user wrote cannot be used: one sentence that says where, what and the way out.
+/// Control characters that it quotes are shown as \x0a, so that it stays one line.
 /// Programs leave with exit code 2.
 class ConfigError : public std::runtime_error {
   public:
-    using std::runtime_error::runtime_error;
+    explicit ConfigError(std::string_view sentence);
 };
 
 /// An enumeration member whose type has been forgotten: its value is an index into `names`.
@@ -64,11 +65,11 @@ struct ConfigEntry {
     std::string get() const;
 };
 
-/// A key whose value is not the same in two tables.
+/// A key whose value in a file is not the table's.
 struct ConfigDifference {
     std::string key;
-    std::string here;
-    std::string there;
+    std::string here;   // in the table
+    std::string there;  // in the file
 };
 
 /// The settings of a program, by section. It refers to the structs it was made from: they
@@ -98,8 +99,9 @@ class ConfigTable {
     /// All settings and their sentences as YAML that load() reads to the same values.
     std::string to_yaml() const;
 
-    /// The keys whose values differ, in this table's order; keys that only one has come as "(not set)".
-    std::vector<ConfigDifference> differences(const ConfigTable& there) const;
+    /// What load(file) would change, in the table's order; the table is as before afterwards.
+    /// Throws as load() does.
+    std::vector<ConfigDifference> differences(const std::filesystem::path& file);
 
   private:
     struct Adder {

@@ -55,6 +55,13 @@ struct Damage {
     std::string what;
 };
 
+/// A stranger's text for an error message: control characters are escaped.
+std::string quoted(const std::string& text) {
+    auto result = json(text).dump();
+    result.front() = result.back() = '\'';
+    return result;
+}
+
 /// The header's JSON. nlohmann::json takes the last of duplicate names and any depth; both are refused here.
 json parse_header(std::string_view text) {
     std::vector<std::set<std::string>> names;
@@ -65,7 +72,7 @@ json parse_header(std::string_view text) {
         if (event == json::parse_event_t::key) {
             const auto& name = value.get_ref<const std::string&>();
             if (!names.back().insert(name).second)
-                throw Damage{fmt::format("its header has '{}' twice", name)};
+                throw Damage{fmt::format("its header has {} twice", quoted(name))};
         }
         return true;
     };
@@ -82,45 +89,49 @@ std::size_t natural(const json& value, const std::string& what) {
 }
 
 Entry parse_entry(const std::string& name, const json& description, std::size_t data_size) {
-    const auto quoted = fmt::format("tensor '{}'", name);
+    const auto tensor = "tensor " + quoted(name);
     if (!description.is_object() || description.size() != 3 || !description.contains("dtype") ||
         !description.contains("shape") || !description.contains("data_offsets")) {
-        throw Damage{quoted + " must have dtype, shape and data_offsets, and nothing else"};
+        throw Damage{tensor + " must have dtype, shape and data_offsets, and nothing else"};
     }
     const auto& dtype = description["dtype"];
     const auto known = std::find_if(kElementTypes.begin(), kElementTypes.end(),
                                     [&](const ElementType& type) { return dtype == type.name; });
     if (known == kElementTypes.end()) {
-        throw Damage{fmt::format("{} has the unknown dtype {}", quoted, dtype.dump())};
+        throw Damage{fmt::format("{} has the unknown dtype {}", tensor, dtype.dump())};
     }
 
     const auto& shape = description["shape"];
     if (!shape.is_array() || shape.size() > kMaxDimensions) {
         throw Damage{
-            fmt::format("{} must have a list of at most {} sizes as its shape", quoted, kMaxDimensions)};
+            fmt::format("{} must have a list of at most {} sizes as its shape", tensor, kMaxDimensions)};
     }
     Entry entry{name, known->type, {}, 0, 0};
     constexpr std::size_t max_bytes = std::numeric_limits<std::int64_t>::max();
-    std::size_t bytes = c10::elementSize(known->type);
+    // Without the zeros: strides are products of sizes even where there are no elements.
+    std::size_t extent = c10::elementSize(known->type);
+    bool is_empty = false;
     for (const auto& size_value : shape) {
-        const auto size = natural(size_value, quoted + ": a size of its shape");
-        if (size > max_bytes || (size > 0 && bytes > max_bytes / size)) {
-            throw Damage{quoted + " has a shape with more elements than can be counted"};
+        const auto size = natural(size_value, tensor + ": a size of its shape");
+        if (size > max_bytes / extent) {
+            throw Damage{tensor + " has a shape with more elements than can be counted"};
         }
-        bytes *= size;
+        extent *= std::max<std::size_t>(size, 1);
+        is_empty = is_empty || size == 0;
         entry.shape.push_back(static_cast<std::int64_t>(size));
     }
+    const std::size_t bytes = is_empty ? 0 : extent;
 
     const auto& offsets = description["data_offsets"];
-    if (!offsets.is_array() || offsets.size() != 2) throw Damage{quoted + " must have two data_offsets"};
-    entry.begin = natural(offsets[0], quoted + ": a data offset");
-    entry.end = natural(offsets[1], quoted + ": a data offset");
+    if (!offsets.is_array() || offsets.size() != 2) throw Damage{tensor + " must have two data_offsets"};
+    entry.begin = natural(offsets[0], tensor + ": a data offset");
+    entry.end = natural(offsets[1], tensor + ": a data offset");
     if (entry.begin > entry.end || entry.end > data_size) {
         throw Damage{fmt::format("{} has the data offsets {} to {}, but the file holds {} bytes of data",
-                                 quoted, entry.begin, entry.end, data_size)};
+                                 tensor, entry.begin, entry.end, data_size)};
     }
     if (entry.end - entry.begin != bytes) {
-        throw Damage{fmt::format("{} has {} bytes of data where its shape and dtype need {}", quoted,
+        throw Damage{fmt::format("{} has {} bytes of data where its shape and dtype need {}", tensor,
                                  entry.end - entry.begin, bytes)};
     }
     return entry;
@@ -130,7 +141,7 @@ std::map<std::string, std::string> parse_metadata(const json& description) {
     if (!description.is_object()) throw Damage{"its __metadata__ must map names to texts"};
     std::map<std::string, std::string> metadata;
     for (const auto& [name, value] : description.items()) {
-        if (!value.is_string()) throw Damage{fmt::format("its metadata '{}' is not a text", name)};
+        if (!value.is_string()) throw Damage{fmt::format("its metadata {} is not a text", quoted(name))};
         metadata[name] = value.get<std::string>();
     }
     return metadata;
@@ -144,8 +155,8 @@ void check_layout(std::vector<Entry> entries, std::size_t data_size) {
     std::size_t position = 0;
     for (const auto& entry : entries) {
         if (entry.begin != position) {
-            throw Damage{fmt::format("tensor '{}' begins at byte {} of the data where {} was expected",
-                                     entry.name, entry.begin, position)};
+            throw Damage{fmt::format("tensor {} begins at byte {} of the data where {} was expected",
+                                     quoted(entry.name), entry.begin, position)};
         }
         position = entry.end;
     }
@@ -159,7 +170,7 @@ torch::Tensor make_tensor(const Entry& entry, std::string_view data) {
     // Any other byte in a bool would be undefined behaviour.
     if (entry.type == at::kBool &&
         std::any_of(bytes.begin(), bytes.end(), [](char c) { return c != 0 && c != 1; })) {
-        throw Damage{fmt::format("tensor '{}' has truth values other than 0 and 1", entry.name)};
+        throw Damage{fmt::format("tensor {} has truth values other than 0 and 1", quoted(entry.name))};
     }
     auto tensor = at::empty(entry.shape, at::TensorOptions(entry.type));
     if (!bytes.empty()) std::memcpy(tensor.data_ptr(), bytes.data(), bytes.size());

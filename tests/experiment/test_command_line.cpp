@@ -1,0 +1,231 @@
+#include "experiment/command_line.h"
+
+#include <cstdint>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cale/env.h"
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+struct RunLength {
+    std::int64_t total_steps = 100;
+    std::int64_t seed = 1;
+};
+
+template <class Visit>
+void fields(RunLength& config, Visit&& visit) {
+    visit("total_steps", config.total_steps, Range{1, 1e9}, "agent steps");
+    visit("seed", config.seed, Range{0, 4294967295.0},
+          "what everything random follows from, told in a sentence that is long enough to be wrapped");
+}
+
+class CommandLineTest : public ::testing::Test {
+  protected:
+    CommandLineTest() {
+        table_.add("env", env_);
+        table_.add("train", train_);
+    }
+
+    CommandLine parse(std::vector<std::string> arguments) { return parse(table_, std::move(arguments)); }
+    CommandLine parse(ConfigTable& table, std::vector<std::string> arguments) {
+        std::vector<const char*> argv{"train_x"};
+        for (const auto& argument : arguments) argv.push_back(argument.c_str());
+        out_.str("");
+        return parse_command_line("train_x", "learns X", table, static_cast<int>(argv.size()), argv.data(),
+                                  out_);
+    }
+    std::string error(std::vector<std::string> arguments) {
+        return test::error_of<ConfigError>([&] { parse(std::move(arguments)); });
+    }
+
+    EnvConfig env_;
+    RunLength train_;
+    ConfigTable table_;
+    std::ostringstream out_;
+    TemporaryFolder folder_;
+};
+
+TEST_F(CommandLineTest, NothingGivenMeansDefaults) {
+    const auto line = parse({});
+    EXPECT_EQ(line.config_file, "");
+    EXPECT_EQ(line.run_dir, "");
+    EXPECT_EQ(line.device, "auto");
+    EXPECT_EQ(line.threads, "auto");
+    EXPECT_FALSE(line.resume);
+    EXPECT_TRUE(line.progress);
+    EXPECT_FALSE(line.finished);
+    EXPECT_EQ(out_.str(), "");
+    EXPECT_EQ(env_.game, EnvConfig{}.game);
+}
+
+TEST_F(CommandLineTest, EveryOption) {
+    const auto line =
+        parse({"--run-dir", "runs/a", "--device", "cuda:1", "--threads=3", "--no-progress", "--resume",
+               "--seed", "7", "--env-id", "ALE/Breakout-v5", "--total-timesteps", "1e6", "--num-envs", "2"});
+    EXPECT_EQ(line.run_dir, "runs/a");
+    EXPECT_EQ(line.device, "cuda:1");
+    EXPECT_EQ(line.threads, "3");
+    EXPECT_FALSE(line.progress);
+    EXPECT_TRUE(line.resume);
+    EXPECT_EQ(train_.seed, 7);
+    EXPECT_EQ(env_.game, "ALE/Breakout-v5");
+    EXPECT_EQ(train_.total_steps, 1'000'000);
+    EXPECT_EQ(env_.num_envs, 2);
+}
+
+TEST_F(CommandLineTest, LaterSourcesHaveTheLastWord) {
+    const auto file =
+        folder_
+            .write("x.yaml", "env:\n  num_envs: 2\n  threshold: 0.25\n  frame_skip: 5\ntrain:\n  seed: 2\n")
+            .string();
+    parse({"--num-envs", "4", "env.num_envs=3", "--set", "env.threshold=0.75", "--config", file, "--seed",
+           "9"});
+    EXPECT_EQ(env_.frame_skip, 5);    // the file before the defaults
+    EXPECT_EQ(env_.threshold, 0.75);  // --set before the file
+    EXPECT_EQ(env_.num_envs, 4);      // the option before KEY=VALUE, wherever it stands
+    EXPECT_EQ(train_.seed, 9);
+    EXPECT_EQ(train_.total_steps, 100);
+}
+
+TEST_F(CommandLineTest, OverridesRepeat) {
+    const auto line = parse({"--set", "env.threshold=0.1", "--set=env.frame_skip=2", "--set",
+                             "env.threshold=0.2", "env.noop_max=30"});
+    EXPECT_EQ(env_.threshold, 0.2);
+    EXPECT_EQ(env_.frame_skip, 2);
+    EXPECT_EQ(env_.noop_max, 30);
+    EXPECT_THAT(line.overrides,
+                ElementsAre("env.threshold=0.1", "env.frame_skip=2", "env.threshold=0.2", "env.noop_max=30"));
+}
+
+TEST_F(CommandLineTest, TheLastOfARepeatedOptionCounts) {
+    parse({"--seed", "3", "--seed", "4"});
+    EXPECT_EQ(train_.seed, 4);
+}
+
+TEST_F(CommandLineTest, ResumeTakesTheRunsOwnConfiguration) {
+    folder_.write("config.yaml", "env:\n  threshold: 0.125\n");
+    const auto run_dir = folder_.path().string();
+    const auto line = parse({"--resume", "--run-dir", run_dir, "env.noop_max=3"});
+    EXPECT_EQ(line.config_file, (folder_ / "config.yaml").string());
+    EXPECT_EQ(env_.threshold, 0.125);
+    EXPECT_EQ(env_.noop_max, 3);
+
+    const auto other = folder_.write("other.yaml", "env:\n  threshold: 0.375\n").string();
+    parse({"--resume", "--run-dir", run_dir, "--config", other});
+    EXPECT_EQ(env_.threshold, 0.375);
+
+    parse({"--run-dir", run_dir});
+    EXPECT_EQ(env_.threshold, 0.375);  // without --resume the folder is not looked at
+    EXPECT_EQ(parse({"--resume", "--run-dir", (folder_ / "nothing").string()}).config_file, "");
+}
+
+TEST_F(CommandLineTest, MistakesAreOneSentence) {
+    EXPECT_EQ(error({"--sede", "3"}), "unknown option '--sede'; did you mean '--seed'? (see train_x --help)");
+    EXPECT_EQ(error({"--trehsold=3"}), "unknown option '--trehsold' (see train_x --help)");
+    EXPECT_EQ(error({"-x"}), "unknown option '-x' (see train_x --help)");
+    EXPECT_EQ(error({"--seed"}), "--seed needs a value (see train_x --help)");
+    EXPECT_EQ(error({"--run-dir", "--resume"}),
+              "--run-dir: '--resume' is an option, not a value (see train_x --help)");
+    EXPECT_EQ(error({"pong"}),
+              "unexpected argument 'pong'; settings are given as KEY=VALUE (see train_x --help)");
+    EXPECT_EQ(error({"--resume"}),
+              "--resume needs --run-dir DIR, the folder of the run to continue (see train_x --help)");
+    EXPECT_EQ(error({"--seed", "-1"}), "--seed -1: train.seed must be 0 to 4294967295, not '-1'");
+    EXPECT_EQ(error({"--seed", "x"}), "--seed x: train.seed must be an integer, not 'x'");
+    EXPECT_EQ(error({"--num-envs", "0"}), "--num-envs 0: env.num_envs must be 1 to 1024, not '0'");
+    EXPECT_EQ(error({"env.gaem=pong"}),
+              "--set env.gaem=pong: unknown key 'env.gaem'; did you mean 'env.game'?");
+    EXPECT_EQ(error({"--config", (folder_ / "no.yaml").string()}),
+              "cannot read '" + (folder_ / "no.yaml").string() + "': No such file or directory");
+}
+
+TEST_F(CommandLineTest, Devices) {
+    for (const char* device : {"auto", "cpu", "cuda", "cuda:0", "cuda:12"})
+        EXPECT_EQ(parse({"--device", device}).device, device);
+    for (const std::string device : {"", "gpu", "cuda:", "cuda:x", "cuda:-1", "cpu:0", "CUDA"}) {
+        EXPECT_EQ(error({"--device=" + device}).substr(0, 8), "--device") << device;
+    }
+    EXPECT_EQ(error({"--device", "gpu"}),
+              "--device must be auto, cpu, cuda or cuda:<index>, not 'gpu' (see train_x --help)");
+}
+
+TEST_F(CommandLineTest, Threads) {
+    for (const char* threads : {"auto", "1", "64"}) EXPECT_EQ(parse({"--threads", threads}).threads, threads);
+    for (const std::string threads : {"0", "-1", "1.5", "many", "99999"}) {
+        EXPECT_EQ(
+            error({"--threads=" + threads}),
+            "--threads must be auto or a number from 1 to 4096, not '" + threads + "' (see train_x --help)");
+    }
+}
+
+TEST_F(CommandLineTest, VersionNamesAllThree) {
+    EXPECT_TRUE(parse({"--version"}).finished);
+    EXPECT_THAT(out_.str(), ::testing::MatchesRegex(
+                                "train_x [0-9]+\\.[0-9]+\\.[0-9]+ "
+                                "\\(LibTorch [0-9]+\\.[0-9]+\\.[0-9]+.*, ALE [0-9]+\\.[0-9]+\\.[0-9]+\\)\n"));
+}
+
+TEST_F(CommandLineTest, PrintsTheResolvedConfiguration) {
+    EXPECT_TRUE(parse({"--print-config", "env.threshold=0.125", "--seed", "5"}).finished);
+    EXPECT_EQ(out_.str(), table_.to_yaml());
+    EXPECT_THAT(out_.str(), HasSubstr("\n  threshold: 0.125\n"));
+    EXPECT_THAT(out_.str(), HasSubstr("\n  seed: 5\n"));
+}
+
+TEST_F(CommandLineTest, HelpListsEveryKeyOfTheTable) {
+    for (const char* flag : {"--help", "-h"}) {
+        EXPECT_TRUE(parse({flag}).finished);
+        EXPECT_THAT(out_.str(), StartsWith("train_x: learns X\n"));
+    }
+    const auto help = help_text("train_x", "learns X", table_, 1000);
+    for (const auto& entry : table_.entries()) {
+        EXPECT_THAT(help, HasSubstr("\n  " + entry.key));
+        EXPECT_THAT(help, HasSubstr(entry.help + " [" + entry.type));
+    }
+    EXPECT_THAT(
+        help, HasSubstr("tau: how far the joystick must be pushed to count [number, 0 to 1, default 0.5]\n"));
+    EXPECT_THAT(help, HasSubstr("\nenv\n  env.game"));
+    EXPECT_THAT(help, HasSubstr("\ntrain\n  train.total_steps"));
+}
+
+TEST_F(CommandLineTest, HelpKeepsToItsWidth) {
+    for (const std::size_t width : {60u, 80u, 120u}) {
+        std::istringstream lines(help_text("train_x", "learns X", table_, width));
+        std::size_t longest = 0;
+        for (std::string text; std::getline(lines, text);) longest = std::max(longest, text.size());
+        EXPECT_LE(longest, width);
+        EXPECT_GT(longest, width - 15);
+    }
+}
+
+TEST_F(CommandLineTest, HelpAndVersionDoNotReadTheConfiguration) {
+    EXPECT_TRUE(parse({"--help", "--config", "/no/such/file.yaml"}).finished);
+}
+
+TEST_F(CommandLineTest, ShortcutsAreOfferedWhereTheirKeyExists) {
+    RunLength train;
+    ConfigTable table;
+    table.add("train", train);
+    EXPECT_THAT(help_text("train_x", "learns X", table, 80), Not(HasSubstr("--num-envs")));
+    EXPECT_THAT(help_text("train_x", "learns X", table_, 80), HasSubstr("--num-envs N"));
+    EXPECT_EQ(test::error_of<ConfigError>([&] {
+                  parse(table, {"--num-envs", "2"});
+              }),
+              "unknown option '--num-envs' (see train_x --help)");
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,116 @@
+#include "experiment/files.h"
+
+#include <array>
+#include <csignal>
+#include <string>
+#include <system_error>
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+
+/// No file may grow beyond `bytes` while this lives: as good as a full disk.
+class FullDisk {
+  public:
+    explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+        ::getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit limit{bytes, before_.rlim_max};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+    }
+    FullDisk(const FullDisk&) = delete;
+    FullDisk& operator=(const FullDisk&) = delete;
+    ~FullDisk() {
+        ::setrlimit(RLIMIT_FSIZE, &before_);
+        std::signal(SIGXFSZ, handler_);
+    }
+
+  private:
+    rlimit before_{};
+    void (*handler_)(int);
+};
+
+TEST(Files, WriteAndReadAgain) {
+    TemporaryFolder folder;
+    std::string bytes(1'000'000, 'x');
+    bytes[10] = '\0';
+    write_file_atomically(folder / "a", bytes);
+    EXPECT_EQ(read_file(folder / "a"), bytes);
+    write_file_atomically(folder / "a", "");
+    EXPECT_EQ(read_file(folder / "a"), "");
+    EXPECT_EQ(folder.file_count(), 1u);
+}
+
+TEST(Files, PiecesAreJoined) {
+    TemporaryFolder folder;
+    const std::array<std::string_view, 3> pieces{"one", "", "two"};
+    write_file_atomically(folder / "a", pieces);
+    EXPECT_EQ(folder.read("a"), "onetwo");
+}
+
+TEST(Files, RelativeNamesWithoutAFolder) {
+    TemporaryFolder folder;
+    const auto before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    write_file_atomically("a", "contents");
+    std::filesystem::current_path(before);
+    EXPECT_EQ(folder.read("a"), "contents");
+}
+
+TEST(Files, ReadersMayOpenWhatWasWritten) {
+    TemporaryFolder folder;
+    const auto mask = ::umask(022);
+    write_file_atomically(folder / "a", "x");
+    ::umask(mask);
+    struct stat status {};
+    ASSERT_EQ(::stat((folder / "a").c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777u, 0644u);
+}
+
+TEST(Files, LeftoversOfAKilledProcessAreInNobodysWay) {
+    TemporaryFolder folder;
+    for (int attempt = 0; attempt < 3; ++attempt) {
+        folder.write("a.tmp-" + std::to_string(::getpid()) + "-" + std::to_string(attempt), "half");
+    }
+    write_file_atomically(folder / "a", "whole");
+    EXPECT_EQ(folder.read("a"), "whole");
+    EXPECT_EQ(folder.file_count(), 4u);
+}
+
+TEST(Files, ADiskThatFillsUpLeavesTheOldFile) {
+    TemporaryFolder folder;
+    const auto file = folder.write("a", "old");
+    std::string error;
+    {
+        const FullDisk full(4096);
+        error = test::error_of<std::system_error>(
+            [&] { write_file_atomically(file, std::string(100'000, 'x')); });
+    }
+    EXPECT_EQ(error, "cannot write '" + file.string() + "': File too large");
+    EXPECT_EQ(folder.read("a"), "old");
+    EXPECT_EQ(folder.file_count(), 1u);
+}
+
+TEST(Files, ErrorsNameFileAndReason) {
+    TemporaryFolder folder;
+    const auto missing = folder / "nowhere/a";
+    EXPECT_EQ(test::error_of<std::system_error>([&] { write_file_atomically(missing, "x"); }),
+              "cannot write '" + missing.string() + "': No such file or directory");
+    EXPECT_EQ(test::error_of<std::system_error>([&] { read_file(missing); }),
+              "cannot read '" + missing.string() + "': No such file or directory");
+    EXPECT_EQ(test::error_of<std::system_error>([&] { read_file(folder.path()); }),
+              "cannot read '" + folder.path().string() + "': Is a directory");
+    folder.write("full/file", "");
+    EXPECT_EQ(test::error_of<std::system_error>([&] { write_file_atomically(folder / "full", "x"); }),
+              "cannot write '" + (folder / "full").string() + "': Is a directory");
+    EXPECT_EQ(folder.file_count(), 1u);  // no temporary file stays
+}
+
+}  // namespace
+}  // namespace cale
