@@ -37,24 +37,28 @@ torch::Tensor random_state(const std::mt19937_64& engine) {
     return state;
 }
 
-void load_random_state(at::Generator& generator, const torch::Tensor& state) {
+at::Generator restored_generator(const torch::Tensor& state) {
+    auto generator = make_generator(0);
     try {
-        generator.set_state(state.clone());
+        generator.set_state(state.cpu());
     } catch (const c10::Error&) {
         throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
                                  " bytes is not one of LibTorch's CPU generator");
     }
+    return generator;
 }
 
-void load_random_state(std::mt19937_64& engine, const torch::Tensor& state) {
+std::mt19937_64 restored_engine(const torch::Tensor& state) {
     const auto bytes = state.to(torch::kCPU, torch::kUInt8).contiguous();
     const auto* first = bytes.data_ptr<std::uint8_t>();
     std::istringstream text(std::string(first, first + bytes.numel()));
+    std::mt19937_64 engine;
     text >> engine;
     if (!text) {
         throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
                                  " bytes is not one of std::mt19937_64");
     }
+    return engine;
 }
 
 }  // namespace cale

@@ -16,11 +16,12 @@ std::uint64_t stream_seed(std::uint64_t seed, std::uint64_t stream);
 /// A generator on the CPU: what is drawn does not depend on the device that trains.
 at::Generator make_generator(std::uint64_t seed);
 
-/// A generator's state as uint8 [bytes], and back. Loading throws std::runtime_error for
-/// bytes that are no such state.
+/// A generator's state as uint8 [bytes].
 torch::Tensor random_state(const at::Generator& generator);
 torch::Tensor random_state(const std::mt19937_64& engine);
-void load_random_state(at::Generator& generator, const torch::Tensor& state);
-void load_random_state(std::mt19937_64& engine, const torch::Tensor& state);
+
+/// The generators that such states are of. Both throw std::runtime_error for other bytes.
+at::Generator restored_generator(const torch::Tensor& state);
+std::mt19937_64 restored_engine(const torch::Tensor& state);
 
 }  // namespace cale

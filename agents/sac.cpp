@@ -317,16 +317,24 @@ class Sac final : public Agent {
                                          "another configuration");
             }
         }
-        for (const auto& [name, tensor] : own) tensor.copy_(stored(name));
+        // Everything is read before anything is changed.
+        auto acting = restored_generator(stored("random/acting"));
+        auto noise = restored_generator(stored("random/update_noise"));
+        auto evaluation = restored_generator(stored("random/evaluation"));
+        replay_random_ = restored_engine(stored("random/replay"));
         training_steps_ = stored("training_steps").item<std::int64_t>();
-        load_random_state(acting_random_, stored("random/acting"));
-        load_random_state(noise_random_, stored("random/update_noise"));
-        load_random_state(evaluation_random_, stored("random/evaluation"));
-        load_random_state(replay_random_, stored("random/replay"));
+        acting_random_ = std::move(acting);
+        noise_random_ = std::move(noise);
+        evaluation_random_ = std::move(evaluation);
+        for (const auto& [name, tensor] : own) tensor.copy_(stored(name));
+        newest_ = {};
     }
 
     void save_memory(const std::string& path) const override { replay_.save(path); }
-    void load_memory(const std::string& path) override { replay_.load(path); }
+    void load_memory(const std::string& path) override {
+        replay_.load(path);
+        replay_.abandon_episodes();
+    }
 
   private:
     bool warm() const { return replay_.add_count() > config_.min_replay; }
