@@ -17,7 +17,8 @@ namespace cale {
 
 namespace {
 
-/// Films a game, one picture per agent step, at the game's own pace.
+/// Films a game, one picture per agent step, at the game's own pace: its first five minutes,
+/// as a picture costs more than a step and a game may last half an hour.
 class Film {
   public:
     Film(std::filesystem::path path, const EnvConfig& env)
@@ -27,6 +28,7 @@ class Film {
 
     void shoot(const Env& env, std::span<const std::uint8_t> observation,
                std::optional<ContinuousAction> action, Event event, double episode_return) {
+        if (++pictures_ > 5 * 60 * pictures_per_second_) return;
         env.screen_rgb(pixels_);
         const Image image = compose_frame({.screen = pixels_,
                                            .screen_width = env.screen_width(),
@@ -45,6 +47,7 @@ class Film {
     std::filesystem::path path_;
     double pictures_per_second_;
     double threshold_;
+    double pictures_ = 0;
     std::optional<VideoWriter> writer_;
     std::vector<std::uint8_t> pixels_;
 };

@@ -63,8 +63,13 @@ int choose_threads(const std::string& wish) {
     return std::stoi(wish);
 }
 
-std::string exponent_free(std::int64_t number) {
-    return fmt::format("{:L}", number);
+/// 1234567 as "1,234,567".
+std::string grouped(std::int64_t number) {
+    std::string text = std::to_string(number);
+    for (auto i = static_cast<std::ptrdiff_t>(text.size()) - 3; i > 0; i -= 3) {
+        text.insert(static_cast<std::size_t>(i), ",");
+    }
+    return text;
 }
 
 std::string utc_now() {
@@ -189,8 +194,8 @@ int run(const Program& program, int argc, const char* const* argv) {
         {"protocol", fmt::format("sticky {}, life loss {}, threshold {}", program.env.sticky_probability,
                                  program.env.terminal_on_life_loss ? "ends an episode" : "does not matter",
                                  program.env.threshold)},
-        {"agent steps", fmt::format("{} = {} frames", exponent_free(program.train.total_steps),
-                                    exponent_free(program.train.total_steps * program.env.frame_skip))},
+        {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
+                                    grouped(program.train.total_steps * program.env.frame_skip))},
         {"environments", fmt::format("{}", program.env.num_envs)},
         {"device", fmt::format("{}, {} threads", device.str(), threads)},
         {"seed", fmt::format("{}", program.train.seed)},

@@ -43,7 +43,7 @@ void fields(EvalConfig& config, Visit&& visit) {
     visit("episodes", config.episodes, Range{0, 10'000}, "games per evaluation; 0: no evaluation");
     visit("noop_max", config.noop_max, Range{0, 1000},
           "an evaluated game starts with 0 to this many no-op agent steps");
-    visit("video", config.video, "film the first game of an evaluation");
+    visit("video", config.video, "film the first game of an evaluation, up to five minutes of it");
 }
 
 struct LogConfig {

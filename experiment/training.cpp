@@ -230,7 +230,7 @@ class Run {
             return Outcome::interrupted;
         }
         run_evaluation();
-        console_.message(fmt::format("Results: {}", options_.run_dir.string()));
+        console_.finish(progress(), fmt::format("Results: {}", options_.run_dir.string()));
         return Outcome::finished;
     }
 
