@@ -213,6 +213,7 @@ class Sac final : public Agent {
           spec_(spec),
           learner_(make_learner(config, spec)),
           replay_(replay_config(config, spec)),
+          sampled_(replay_.empty_batch(config.batch_size)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
@@ -373,12 +374,15 @@ class Sac final : public Agent {
     }
 
     void learn() {
-        auto batch = replay_.sample(config_.batch_size, replay_random_);
-        for (auto* tensor : {&batch.observation, &batch.action, &batch.n_step_return, &batch.discount,
-                             &batch.next_observation}) {
-            *tensor = tensor->to(spec_.device, /*non_blocking=*/true);
-        }
-        const auto noise = torch::randn({2, config_.batch_size, kActionSize}, noise_random_).to(spec_.device);
+        replay_.sample_into(sampled_, replay_random_);
+        const auto on_device = [this](const torch::Tensor& tensor) { return tensor.to(spec_.device); };
+        const Batch batch{.observation = on_device(sampled_.observation),
+                          .action = on_device(sampled_.action),
+                          .n_step_return = on_device(sampled_.n_step_return),
+                          .discount = on_device(sampled_.discount),
+                          .next_observation = on_device(sampled_.next_observation),
+                          .index = sampled_.index};
+        const auto noise = on_device(torch::randn({2, config_.batch_size, kActionSize}, noise_random_));
         newest_ = sac_update(learner_, batch, {noise[0], noise[1]}, config_);
     }
 
@@ -405,6 +409,7 @@ class Sac final : public Agent {
     AgentSpec spec_;
     SacLearner learner_;
     ReplayBuffer replay_;
+    Batch sampled_;  // filled anew by every update
     ActionBox box_ = joystick_box();
     at::Generator acting_random_, noise_random_, evaluation_random_;
     std::mt19937_64 replay_random_;

@@ -87,9 +87,9 @@ torch::Tensor Trunk::operator()(const torch::Tensor& observation) const {
             std::string(observation.dtype().name()));
     }
     // Channels last: several times faster on a CPU than channels first.
-    auto x = observation.to(convs_.front()->weight.scalar_type(), /*non_blocking=*/false, /*copy=*/false,
-                            at::MemoryFormat::ChannelsLast);
-    x.div_(255);
+    auto x = observation.to(convs_.front()->weight.scalar_type())
+                 .div_(255)
+                 .contiguous(at::MemoryFormat::ChannelsLast);
     x = config_.encoder == EncoderKind::impala ? residual_stages(x) : stacked_convolutions(x);
     return x.flatten(1);
 }

@@ -40,7 +40,8 @@ struct EncoderConfig {
 ///   phi_sac  32@3x3/2, 3 times 32@3x3/1, ReLU; orthogonal
 ///   phi_dqn  32@8x8/4, 64@4x4/2, 64@3x3/1, ReLU; Glorot
 ///   impala   16, 32 and 32 channels: conv 3x3, max pool 3x3/2, two residual blocks; Glorot
-/// Pixels are divided by 255, every convolution pads "SAME".
+/// Pixels are divided by 255, every convolution and pool pads "SAME". (Dopamine has an impala for
+/// CALE that no configuration uses and that neither scales nor flattens; this one does both.)
 class Trunk {
   public:
     /// Throws std::invalid_argument for a frame or a stack without pixels.

@@ -39,7 +39,9 @@ DenseImpl::DenseImpl(std::int64_t in, std::int64_t out, const Initialiser& initi
 }
 
 torch::Tensor DenseImpl::forward(const torch::Tensor& x) const {
-    return at::linear(x, weight, bias);
+    if (!x.is_cpu()) return at::linear(x, weight, bias);
+    // (W x^T)^T: for a small batch behind a wide trunk MKL is a third faster at it than at x W^T.
+    return at::addmm(bias.unsqueeze(1), weight, x.t()).t();
 }
 
 std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64_t kernel,
