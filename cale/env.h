@@ -84,8 +84,8 @@ struct StepResult {
     int frames = 0;  // emulated frames, 1 to frame_skip
 };
 
-/// The ROM of `game` in the first of: `rom_dir` if not empty; the folder named by
-/// ALE_ROMS_DIR; the `roms` folder of scripts/setup. Throws std::runtime_error that
+/// The ROM of `game` in `rom_dir`; if that is empty, in the first that has it of the folder
+/// named by ALE_ROMS_DIR and the `roms` folder of scripts/setup. Throws std::runtime_error that
 /// names the file, every folder searched and the way out.
 std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir);
 

@@ -1,5 +1,6 @@
 #include <cstdlib>
 #include <stdexcept>
+#include <vector>
 
 #include "cale/env.h"
 #include "cale/games.h"
@@ -23,9 +24,11 @@ std::filesystem::path deps_dir() {
 
 std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir) {
     const std::string file = std::string(find_game(game).rom) + ".bin";
+    // A folder that the user names is the one that is meant.
+    std::vector<std::filesystem::path> folders = {rom_dir};
+    if (rom_dir.empty()) folders = {from_environment("ALE_ROMS_DIR"), deps_dir() / "roms"};
     std::string searched;
-    for (const auto& folder :
-         {std::filesystem::path(rom_dir), from_environment("ALE_ROMS_DIR"), deps_dir() / "roms"}) {
+    for (const auto& folder : folders) {
         if (folder.empty()) continue;
         if (std::filesystem::is_regular_file(folder / file)) return folder / file;
         searched += (searched.empty() ? "" : ", ") + folder.string();

@@ -35,9 +35,15 @@ Answer train_sac(std::vector<std::string> arguments) {
 
 /// A run of a few steps with a small network.
 std::vector<std::string> small(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {"--run-dir", run_dir.string(), "--threads", "1", "--no-progress",
-                                          "agent.encoder=phi_dqn", "agent.hidden_units=8",
-                                          "agent.replay_capacity=1000", "train.total_steps=12",
+    std::vector<std::string> arguments = {"--run-dir",
+                                          run_dir.string(),
+                                          "--threads",
+                                          "1",
+                                          "--no-progress",
+                                          "agent.encoder=phi_dqn",
+                                          "agent.hidden_units=8",
+                                          "agent.replay_capacity=1000",
+                                          "train.total_steps=12",
                                           "eval.episodes=0"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
@@ -54,15 +60,16 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
 TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
     const TemporaryFolder folder;
     const auto run = folder.path() / "run";
-    for (const auto& [mistake, said] : std::vector<std::pair<std::string, std::string>>{
-             {"env.gmae=pong", "env.game"},
-             {"env.game=pongg", "pong"},
-             {"env.threshold=1.5", "0 to 1"},
-             {"env.rom_dir=/nowhere", "/nowhere"}}) {
+    for (const auto& [mistake, said] :
+         std::vector<std::pair<std::string, std::string>>{{"env.gmae=pong", "env.game"},
+                                                          {"env.game=pongg", "pong"},
+                                                          {"env.threshold=1.5", "0 to 1"},
+                                                          {"env.rom_dir=/nowhere", "/nowhere"}}) {
         const auto answer = train_sac(small(run, {mistake}));
         EXPECT_EQ(answer.code, 2) << mistake;
         EXPECT_THAT(answer.stderr_text, testing::HasSubstr(said)) << mistake;
-        EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1) << answer.stderr_text;
+        EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1)
+            << answer.stderr_text;
         EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
     }
     EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
@@ -81,7 +88,8 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
     EXPECT_EQ(train_sac({"--resume", "--run-dir", (folder.path() / "none").string()}).code, 3);
 
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
-    const auto other = train_sac({"--resume", "--run-dir", folder.path().string(), "agent.gamma=0.5", "--no-progress"});
+    const auto other =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "agent.gamma=0.5", "--no-progress"});
     EXPECT_EQ(other.code, 3);
     EXPECT_THAT(other.stderr_text, testing::HasSubstr("agent.gamma was 0.99 and is now 0.5"));
 
@@ -95,9 +103,9 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
 TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {
     for (const Game& game : games()) {
         const TemporaryFolder folder;
-        const auto answer = train_sac(small(folder.path(), {"--config", CALE_SOURCE_DIR "/configs/sac/atari100k.yaml",
-                                                            "env.game=" + std::string(game.name),
-                                                            "train.save_replay=false"}));
+        const auto answer = train_sac(
+            small(folder.path(), {"--config", CALE_SOURCE_DIR "/configs/sac/atari100k.yaml",
+                                  "env.game=" + std::string(game.name), "train.save_replay=false"}));
         EXPECT_EQ(answer.code, 0) << game.name << ": " << answer.stderr_text;
     }
 }

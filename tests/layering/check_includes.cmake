@@ -1,4 +1,5 @@
 # Who may include whom (docs/architecture.md). Run as: cmake -DSOURCE_DIR=... -P check_includes.cmake
+cmake_policy(VERSION 3.25)
 set(allowed_cale cale)
 set(allowed_replay replay cale)
 set(allowed_networks networks)
