@@ -34,7 +34,7 @@ constexpr Option kOptions[] = {
     {"--run-dir", "DIR", "folder for everything that the run writes"},
     {"--resume", "", "continue the run in --run-dir from its newest checkpoint"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
-    {"--threads", "N", "threads for tensors: auto or a number"},
+    {"--threads", "N", "threads for tensors: a number, or auto for half the cores"},
     {"--no-progress", "", "no progress bar"},
     {"--print-config", "", "print the resolved settings as YAML, and leave"},
     {"--version", "", "print the versions, and leave"},

@@ -1,5 +1,6 @@
 #include "experiment/program.h"
 
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -57,9 +58,10 @@ torch::Device choose_device(const std::string& wish) {
     return device;
 }
 
-/// In the strict rhythm the environments rest while the learner works, so it may have every core.
+/// Half the cores: OpenMP's threads wait by spinning, so that one core too many, wanted by
+/// anything else, makes an update several times slower, while the second of two gains little.
 int choose_threads(const std::string& wish) {
-    if (wish == "auto") return static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    if (wish == "auto") return static_cast<int>(std::max(1u, std::thread::hardware_concurrency() / 2));
     return std::stoi(wish);
 }
 
@@ -169,6 +171,9 @@ int run(const Program& program, int argc, const char* const* argv) {
     // before LibTorch starts its threads, which inherit it. XLA, under the reference, does the same.
     at::globalContext().setFlushDenormal(true);
     at::set_num_threads(threads);
+    // Gradients of tens of megabytes come and go with every update: keep their pages.
+    mallopt(M_MMAP_THRESHOLD, 1 << 30);
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const fs::path run_dir = choose_run_dir(line, program, *game);
     if (line.resume) {
