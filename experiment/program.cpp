@@ -111,18 +111,11 @@ void refuse_other_configuration(const Program& program, const fs::path& run_dir)
         throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
                                       file.string(), run_dir.string()));
     }
-    // The table reads into the structs it was made from: read the old file, note it, and go back.
-    std::vector<std::string> now;
-    for (const auto& entry : program.table.entries()) now.push_back(entry.get());
-    program.table.load(file);
     std::string different;
-    for (std::size_t i = 0; i < now.size(); ++i) {
-        const auto& entry = program.table.entries()[i];
-        if (entry.get() != now[i] && !kMayDifferOnResume.contains(entry.key)) {
-            different += fmt::format("{}{} was {} and is now {}", different.empty() ? "" : ", ", entry.key,
-                                     entry.get(), now[i]);
-        }
-        entry.set(now[i]);
+    for (const auto& [key, now, before] : program.table.differences(file)) {
+        if (kMayDifferOnResume.contains(key)) continue;
+        different +=
+            fmt::format("{}{} was {} and is now {}", different.empty() ? "" : ", ", key, before, now);
     }
     if (!different.empty()) {
         throw ResumeError(

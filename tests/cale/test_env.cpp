@@ -329,9 +329,8 @@ class EmulatorRoms : public testing::Test {
 };
 
 TEST_F(EmulatorRoms, AreSearchedInOrder) {
-    EXPECT_THAT(refusal("/nowhere"),
-                AllOf(HasSubstr("pong.bin is not in /nowhere: "), HasSubstr("scripts/setup"),
-                      HasSubstr("ALE_ROMS_DIR")));
+    EXPECT_THAT(refusal("/nowhere"), AllOf(HasSubstr("pong.bin is not in /nowhere: "),
+                                           HasSubstr("scripts/setup"), HasSubstr("ALE_ROMS_DIR")));
     EXPECT_THAT(refusal(""), HasSubstr("pong.bin is not in " + (folder_ / "deps/roms").string()));
     const auto install = [this](const std::filesystem::path& where) {
         std::filesystem::create_directories(where);
