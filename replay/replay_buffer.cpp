@@ -1,7 +1,10 @@
 #include "replay/replay_buffer.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
+#include <limits>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <type_traits>
@@ -13,12 +16,17 @@
 #include "replay/available_memory.h"
 #include "replay/replay_file.h"
 #include "replay/replay_storage.h"
+#include "replay/sum_tree.h"
 
 namespace cale {
 namespace {
 
 constexpr std::string_view kFileMagic = "CALE-RPL";
-constexpr std::uint32_t kFileVersion = 1;
+constexpr std::uint32_t kFileVersion = 2;
+
+constexpr std::array<std::string_view, 2> kFalseTrue{"false", "true"};
+// What float32 can say; the sum of as many as there may be is far from overflowing.
+constexpr double kMaxPriority = std::numeric_limits<float>::max();
 
 // One number of the configuration, under the name its user knows.
 struct ConfigEntry {
@@ -37,7 +45,7 @@ struct ConfigEntry {
     }
 };
 
-std::array<ConfigEntry, 9> entries(const ReplayConfig& config) {
+std::array<ConfigEntry, 10> entries(const ReplayConfig& config) {
     const auto number = [](auto value) { return static_cast<double>(value); };
     return {{{"agent.replay_capacity", number(config.capacity), {1, 1e9}},
              {"env.num_envs", number(config.num_envs), {1, 1024}},
@@ -50,7 +58,8 @@ std::array<ConfigEntry, 9> entries(const ReplayConfig& config) {
              {"agent.replay_terminal",
               number(static_cast<int>(config.replay_terminal)),
               {0, 1},
-              names_of(config.replay_terminal)}}};
+              names_of(config.replay_terminal)},
+             {"agent.prioritised", number(config.prioritised), {0, 1}, kFalseTrue}}};
 }
 
 void validate(const ReplayConfig& config) {
@@ -73,10 +82,14 @@ void check_tensor(const char* name, const torch::Tensor& tensor, at::IntArrayRef
         tensor.scalar_type() == type && tensor.sizes() == shape)
         return;
     std::ostringstream message;
-    message << "batch." << name << " must be a contiguous CPU tensor " << shape << " of " << type;
+    message << name << " must be a contiguous CPU tensor " << shape << " of " << type;
     if (tensor.defined())
         message << ", not " << tensor.sizes() << " of " << tensor.scalar_type() << " on " << tensor.device();
     throw std::invalid_argument(message.str());
+}
+
+std::int64_t rows_of(const torch::Tensor& index) {
+    return index.defined() && index.dim() == 1 ? index.size(0) : 0;
 }
 
 struct Saving {
@@ -104,26 +117,81 @@ struct ReplayBuffer::Impl {
     ReplayConfig config;
     ReplayStorage storage;
     std::vector<Accumulator> accumulators;  // one per environment
+    std::optional<SumTree> priorities;      // if prioritised: of each slot, 0 where nothing lies
+    double largest_priority = 1;            // that was ever given
 
     explicit Impl(const ReplayConfig& replay_config)
         : config(replay_config),
           storage(config),
-          accumulators(static_cast<std::size_t>(config.num_envs), Accumulator(config)) {}
+          accumulators(static_cast<std::size_t>(config.num_envs), Accumulator(config)) {
+        if (config.prioritised) priorities.emplace(config.capacity);
+    }
 
     void check_batch(const Batch& batch) const {
-        const std::int64_t size = batch.index.defined() && batch.index.dim() == 1 ? batch.index.size(0) : 0;
+        const std::int64_t size = rows_of(batch.index);
         const std::array<std::int64_t, 4> stacks{size, config.stack, config.frame_height, config.frame_width};
         const std::array<std::int64_t, 2> coordinates{size, config.action_size};
         const at::IntArrayRef batch_shape(size);
-        check_tensor("observation", batch.observation, stacks, at::kByte);
-        check_tensor("next_observation", batch.next_observation, stacks, at::kByte);
+        check_tensor("batch.observation", batch.observation, stacks, at::kByte);
+        check_tensor("batch.next_observation", batch.next_observation, stacks, at::kByte);
         if (config.action_size == 0)
-            check_tensor("action", batch.action, batch_shape, at::kLong);
+            check_tensor("batch.action", batch.action, batch_shape, at::kLong);
         else
-            check_tensor("action", batch.action, coordinates, at::kFloat);
-        check_tensor("n_step_return", batch.n_step_return, batch_shape, at::kFloat);
-        check_tensor("discount", batch.discount, batch_shape, at::kFloat);
-        check_tensor("index", batch.index, batch_shape, at::kLong);
+            check_tensor("batch.action", batch.action, coordinates, at::kFloat);
+        check_tensor("batch.n_step_return", batch.n_step_return, batch_shape, at::kFloat);
+        check_tensor("batch.discount", batch.discount, batch_shape, at::kFloat);
+        check_tensor("batch.index", batch.index, batch_shape, at::kLong);
+        check_tensor("batch.probability", batch.probability, batch_shape, at::kFloat);
+    }
+
+    // Of what lies in this slot, 0 being the oldest; size() or more if nothing does.
+    std::int64_t position_of(std::int64_t slot) const {
+        return (slot + config.capacity - storage.transitions_begin % config.capacity) % config.capacity;
+    }
+
+    // With which sampling draws the transition at this position.
+    double probability(std::int64_t position) const {
+        if (!priorities) return 1.0 / static_cast<double>(storage.size());
+        const std::int64_t slot = (storage.transitions_begin + position) % config.capacity;
+        return priorities->total() > 0 ? priorities->get(slot) / priorities->total() : 0.0;
+    }
+
+    // Row `row` of a batch of the right shapes: the transition at this position.
+    void copy(std::int64_t position, Batch& batch, std::int64_t row) const {
+        storage.copy(storage.transitions_begin + position, batch, row);
+        batch.probability.data_ptr<float>()[row] = static_cast<float>(probability(position));
+    }
+
+    void sample_uniformly(Batch& batch, std::mt19937_64& random) const {
+        const std::int64_t rows = batch.index.size(0);
+        const auto size = static_cast<std::uint64_t>(storage.size());
+        const std::uint64_t rejected = (0 - size) % size;  // 2^64 mod size
+        for (std::int64_t row = 0; row < rows; ++row) {
+            std::uint64_t bits = random();
+            while (bits < rejected) bits = random();
+            storage.copy(storage.transitions_begin + static_cast<std::int64_t>(bits % size), batch, row);
+        }
+        // At once, as it is the same for all.
+        std::fill_n(batch.probability.data_ptr<float>(), rows, static_cast<float>(probability(0)));
+    }
+
+    void sample_by_priority(Batch& batch, std::mt19937_64& random) const {
+        const double total = priorities->total();
+        if (total == 0) throw std::runtime_error("cannot sample from a replay whose priorities are all 0");
+        for (std::int64_t row = 0; row < batch.index.size(0); ++row) {
+            const double uniform = static_cast<double>(random() >> 11) * 0x1p-53;
+            copy(position_of(priorities->find(uniform * total)), batch, row);
+        }
+    }
+
+    // The storage held the transitions [begin, end) until now.
+    void follow_storage(std::int64_t begin, std::int64_t end) {
+        for (std::int64_t dropped = begin; dropped < storage.transitions_begin; ++dropped)
+            priorities->set(dropped % config.capacity, 0);
+        // A new one may have been dropped, too, or lie where a dropped one was.
+        for (std::int64_t added = std::max(end, storage.transitions_begin); added < storage.transitions_end;
+             ++added)
+            priorities->set(added % config.capacity, largest_priority);
     }
 
     // Everything that a file holds, in its order: `exchange` writes it or reads it.
@@ -146,6 +214,9 @@ struct ReplayBuffer::Impl {
             exchange(steps.data(), count);
         }
         storage.for_each_run(exchange);
+        if (!priorities) return;
+        exchange(&largest_priority, 1);
+        exchange(priorities->values().data(), config.capacity);
     }
 
     // Completes what contents() read, if every frame it speaks of is there.
@@ -155,6 +226,18 @@ struct ReplayBuffer::Impl {
                 if (step.frame < 0 || step.frame >= storage.frames_end)
                     file.fail("a window shows a frame that it lacks");
         if (!storage.restore_users()) file.fail("a transition shows a frame that it lacks");
+        if (priorities && !restore_priorities()) file.fail("its priorities contradict each other");
+    }
+
+    bool restore_priorities() {
+        if (!(largest_priority >= 1 && largest_priority <= kMaxPriority)) return false;
+        for (std::int64_t slot = 0; slot < config.capacity; ++slot) {
+            const double priority = priorities->get(slot);
+            const double most = position_of(slot) < storage.size() ? largest_priority : 0;
+            if (!(priority >= 0 && priority <= most)) return false;
+        }
+        priorities->restore_sums();
+        return true;
     }
 };
 
@@ -165,7 +248,8 @@ std::span<const std::string_view> names_of(ReplayTerminal) {
 
 std::int64_t memory_needed(const ReplayConfig& config) {
     validate(config);
-    return frame_capacity(config) * bytes_per_frame(config) + config.capacity * bytes_per_transition(config);
+    return frame_capacity(config) * bytes_per_frame(config) + config.capacity * bytes_per_transition(config) +
+           (config.prioritised ? SumTree::bytes(config.capacity) : 0);
 }
 
 void check_memory(const ReplayConfig& config, std::int64_t available) {
@@ -222,12 +306,14 @@ void ReplayBuffer::add(std::int64_t env, const Experience& experience) {
                    replay.storage.frame_size);
 
     ReplayStorage& storage = replay.storage;
+    const std::int64_t begin = storage.transitions_begin, end = storage.transitions_end;
     const FrameId frame = storage.push_frame(experience.frame);
     storage.push_action(frame, experience);
     const FrameId final_frame = bootstraps ? storage.push_frame(experience.final_frame) : kBlankFrame;
     replay.accumulators[static_cast<std::size_t>(env)].add(
         {frame, experience.reward}, ending, final_frame,
         [&storage](const Transition& transition) { storage.push_transition(transition); });
+    if (replay.priorities) replay.follow_storage(begin, end);
 }
 
 Batch ReplayBuffer::empty_batch(std::int64_t batch_size) const {
@@ -242,7 +328,8 @@ Batch ReplayBuffer::empty_batch(std::int64_t batch_size) const {
             .n_step_return = torch::empty({batch_size}, torch::kFloat32),
             .discount = torch::empty({batch_size}, torch::kFloat32),
             .next_observation = stacks(),
-            .index = torch::empty({batch_size}, torch::kInt64)};
+            .index = torch::empty({batch_size}, torch::kInt64),
+            .probability = torch::empty({batch_size}, torch::kFloat32)};
 }
 
 Batch ReplayBuffer::sample(std::int64_t batch_size, std::mt19937_64& random) const {
@@ -254,27 +341,49 @@ Batch ReplayBuffer::sample(std::int64_t batch_size, std::mt19937_64& random) con
 void ReplayBuffer::sample_into(Batch& batch, std::mt19937_64& random) const {
     impl_->check_batch(batch);
     if (size() == 0) throw std::runtime_error("cannot sample from a replay that holds no transition yet");
-    const ReplayStorage& storage = impl_->storage;
-    const auto size = static_cast<std::uint64_t>(storage.size());
-    const std::uint64_t rejected = (0 - size) % size;  // 2^64 mod size
-    for (std::int64_t row = 0; row < batch.index.size(0); ++row) {
-        std::uint64_t bits = random();
-        while (bits < rejected) bits = random();
-        storage.copy(storage.transitions_begin + static_cast<std::int64_t>(bits % size), batch, row);
-    }
+    if (impl_->priorities)
+        impl_->sample_by_priority(batch, random);
+    else
+        impl_->sample_uniformly(batch, random);
 }
 
 Batch ReplayBuffer::gather(std::span<const std::int64_t> positions) const {
-    const ReplayStorage& storage = impl_->storage;
     Batch batch = empty_batch(static_cast<std::int64_t>(positions.size()));
     std::int64_t row = 0;
     for (const std::int64_t position : positions) {
-        if (position < 0 || position >= storage.size())
+        if (position < 0 || position >= size())
             throw std::out_of_range("transition " + std::to_string(position) + " of a replay that holds " +
-                                    std::to_string(storage.size()));
-        storage.copy(storage.transitions_begin + position, batch, row++);
+                                    std::to_string(size()));
+        impl_->copy(position, batch, row++);
     }
     return batch;
+}
+
+void ReplayBuffer::set_priorities(const torch::Tensor& index, const torch::Tensor& priority) {
+    if (!impl_->priorities) throw std::logic_error("priorities for a replay that samples uniformly");
+    const std::int64_t count = rows_of(index);
+    const auto type = priority.defined() && priority.scalar_type() == at::kDouble ? at::kDouble : at::kFloat;
+    check_tensor("index", index, count, at::kLong);
+    check_tensor("priority", priority, count, type);
+    const torch::Tensor as_double = priority.to(at::kDouble);
+    const auto* slots = index.const_data_ptr<std::int64_t>();
+    const auto* values = as_double.const_data_ptr<double>();
+    for (std::int64_t i = 0; i < count; ++i) {
+        if (slots[i] < 0 || slots[i] >= config().capacity)
+            throw std::out_of_range("index " + std::to_string(slots[i]) + " of a replay with a capacity of " +
+                                    std::to_string(config().capacity));
+        if (values[i] >= 0 && values[i] <= kMaxPriority) continue;
+        std::ostringstream message;
+        message << "the priority of index " << slots[i] << " is " << values[i] << "; it must lie in [0, "
+                << kMaxPriority << "]";
+        throw std::invalid_argument(message.str());
+    }
+    // Backwards: of one index, the first occurrence has the last word.
+    for (std::int64_t i = count; i-- > 0;) {
+        if (impl_->position_of(slots[i]) >= size()) continue;
+        impl_->priorities->set(slots[i], values[i]);
+        impl_->largest_priority = std::max(impl_->largest_priority, values[i]);
+    }
 }
 
 void ReplayBuffer::save(const std::string& path) const {

@@ -29,6 +29,7 @@ struct ReplayConfig {
     std::int64_t update_horizon = 1;
     double gamma = 0.99;
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;
+    bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
 };
 
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
@@ -52,6 +53,7 @@ struct Batch {
     torch::Tensor discount;          // [B] float32
     torch::Tensor next_observation;  // [B, stack, H, W] uint8
     torch::Tensor index;             // [B] int64: where they are stored, in [0, capacity)
+    torch::Tensor probability = {};  // [B] float32: with which each one was drawn
 };
 
 /// Bytes that a buffer of this configuration takes once it is full. Throws
@@ -91,21 +93,36 @@ class ReplayBuffer {
     /// Transitions ever stored.
     std::int64_t add_count() const;
 
-    /// Uniform with replacement over all stored transitions. For each one, 64 random bits
-    /// w are drawn until w >= 2^64 mod size(), and w mod size() is its position (0: the
-    /// oldest): exactly uniform, and the same on every platform.
-    /// Throws std::runtime_error when nothing is stored.
+    /// Independent draws with replacement, the same on every platform.
+    /// Uniform: for each one, 64 random bits w are drawn until w >= 2^64 mod size(), and w
+    /// mod size() is its position (0: the oldest), so that it is exactly uniform.
+    /// Prioritised: for each one, 64 random bits w are drawn, and its index is the first up to
+    /// which the priorities sum to more than (w >> 11) * 2^-53 of their total. Its probability
+    /// is its priority divided by that total, with no exponent and no strata: google/dopamine's
+    /// form of Schaul et al. 2016.
+    /// Throws std::runtime_error when nothing is stored, or every priority is 0.
     Batch sample(std::int64_t batch_size, std::mt19937_64& random) const;
     /// The same into tensors that exist, such as those of empty_batch(), without
     /// allocating; they say how many. Throws std::invalid_argument unless they are
     /// contiguous CPU tensors of Batch's shapes and types.
     void sample_into(Batch& batch, std::mt19937_64& random) const;
     Batch empty_batch(std::int64_t batch_size) const;
-    /// The transitions at these positions, 0 being the oldest. Throws std::out_of_range.
+    /// The transitions at these positions, 0 being the oldest; `probability` is that with
+    /// which sample() would draw them. Throws std::out_of_range.
     Batch gather(std::span<const std::int64_t> positions) const;
 
-    /// Everything: the transitions, the counters and the unfinished windows. The file
-    /// appears complete or not at all. Throws std::runtime_error naming the file.
+    /// Gives the transitions at `index`, [B] int64 as in Batch::index, these priorities, [B]
+    /// float32 or float64; contiguous CPU tensors. To be called before the next add(), which
+    /// may put another transition in the same place. An index where no transition lies is
+    /// ignored. Where one occurs twice, its first priority counts. A new transition enters
+    /// with the largest priority that was ever given (those later ones included), at least 1.
+    /// Throws, and changes nothing: std::logic_error unless config().prioritised;
+    /// std::invalid_argument for other tensors, and for a priority, which it names, outside
+    /// [0, largest float32]; std::out_of_range for an index outside [0, capacity).
+    void set_priorities(const torch::Tensor& index, const torch::Tensor& priority);
+
+    /// Everything: the transitions, the counters, the unfinished windows and the priorities.
+    /// The file appears complete or not at all. Throws std::runtime_error naming the file.
     void save(const std::string& path) const;
     /// Goes on exactly where save() was. Throws std::runtime_error, and leaves the buffer
     /// as it was, for a file that is damaged, truncated, of another version, or of

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <numeric>
 #include <ostream>
+#include <random>
 #include <vector>
 
 #include "replay/replay_buffer.h"
@@ -92,11 +93,75 @@ inline std::vector<NumberedTransition> read(const Batch& batch) {
     return found;
 }
 
-/// Everything stored, oldest first.
-inline std::vector<NumberedTransition> read_all(const ReplayBuffer& replay) {
+inline Batch gather_all(const ReplayBuffer& replay) {
     std::vector<std::int64_t> positions(static_cast<std::size_t>(replay.size()));
     std::iota(positions.begin(), positions.end(), 0);
-    return read(replay.gather(positions));
+    return replay.gather(positions);
 }
+
+/// Everything stored, oldest first.
+inline std::vector<NumberedTransition> read_all(const ReplayBuffer& replay) {
+    return read(gather_all(replay));
+}
+
+/// With which sampling draws each of them.
+inline std::vector<float> probabilities(const ReplayBuffer& replay) {
+    const Batch all = gather_all(replay);
+    const auto* first = all.probability.const_data_ptr<float>();
+    return {first, first + replay.size()};
+}
+
+/// One endless episode: the transitions of the steps 1, 2, ..., `steps` - 1, as many as fit.
+/// The number of a step is also its reward and its action.
+inline ReplayBuffer filled(std::int64_t capacity, std::int64_t steps, bool prioritised = false) {
+    ReplayConfig config = numbered_config();
+    config.capacity = capacity;
+    config.prioritised = prioritised;
+    ReplayBuffer replay(config);
+    for (std::int64_t t = 1; t <= steps; ++t)
+        add(replay, {.frame = static_cast<std::uint32_t>(t), .reward = static_cast<float>(t), .action = t});
+    return replay;
+}
+
+inline void give(ReplayBuffer& replay, const std::vector<std::int64_t>& index,
+                 const std::vector<double>& priority) {
+    replay.set_priorities(torch::tensor(index, torch::kInt64), torch::tensor(priority, torch::kFloat64));
+}
+
+/// Small configurations and steps at random.
+class Fuzz {
+  public:
+    explicit Fuzz(std::uint64_t seed) : random_(seed) {}
+
+    std::int64_t below(std::int64_t bound) {
+        return static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(bound));
+    }
+
+    ReplayConfig config() {
+        ReplayConfig config = numbered_config();
+        config.capacity = 1 + below(40);
+        config.num_envs = 1 + below(3);
+        config.stack = 1 + below(4);
+        config.update_horizon = 1 + below(4);
+        config.replay_terminal = below(2) == 0 ? ReplayTerminal::corrected : ReplayTerminal::dopamine;
+        return config;
+    }
+
+    // Small rewards: with gamma 0.5 every sum is exact.
+    NumberedStep step(std::int64_t mean_length, bool truncations) {
+        NumberedStep made{
+            .frame = ++frames_, .reward = static_cast<float>(below(9) - 4), .action = below(18)};
+        if (below(mean_length) == 0) {
+            made.truncated = truncations && below(2) == 0;
+            made.terminal = !made.truncated;
+        }
+        if (made.truncated) made.final_frame = ++frames_;
+        return made;
+    }
+
+  private:
+    std::mt19937_64 random_;
+    std::uint32_t frames_ = 0;
+};
 
 }  // namespace cale

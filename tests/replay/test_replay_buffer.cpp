@@ -101,41 +101,6 @@ class NaiveReplay {
     std::vector<NumberedTransition> transitions_;
 };
 
-class Fuzz {
-  public:
-    explicit Fuzz(std::uint64_t seed) : random_(seed) {}
-
-    std::int64_t below(std::int64_t bound) {
-        return static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(bound));
-    }
-
-    ReplayConfig config() {
-        ReplayConfig config = numbered_config();
-        config.capacity = 1 + below(40);
-        config.num_envs = 1 + below(3);
-        config.stack = 1 + below(4);
-        config.update_horizon = 1 + below(4);
-        config.replay_terminal = below(2) == 0 ? ReplayTerminal::corrected : ReplayTerminal::dopamine;
-        return config;
-    }
-
-    // Small rewards: with gamma 0.5 every sum is exact.
-    NumberedStep step(std::int64_t mean_length, bool truncations) {
-        NumberedStep made{
-            .frame = ++frames_, .reward = static_cast<float>(below(9) - 4), .action = below(18)};
-        if (below(mean_length) == 0) {
-            made.truncated = truncations && below(2) == 0;
-            made.terminal = !made.truncated;
-        }
-        if (made.truncated) made.final_frame = ++frames_;
-        return made;
-    }
-
-  private:
-    std::mt19937_64 random_;
-    std::uint32_t frames_ = 0;
-};
-
 // Environments in step: nothing is lost but the oldest.
 TEST(ReplayBuffer, HoldsTheNewestTransitionsOfTheDefinition) {
     for (std::uint64_t seed = 0; seed < 300; ++seed) {
@@ -194,15 +159,6 @@ TEST(ReplayBuffer, NeverShowsAnOverwrittenFrame) {
     }
 }
 
-ReplayBuffer filled(std::int64_t capacity, std::int64_t steps) {
-    ReplayConfig config = numbered_config();
-    config.capacity = capacity;
-    ReplayBuffer replay(config);
-    for (std::int64_t t = 1; t <= steps; ++t)
-        add(replay, {.frame = static_cast<std::uint32_t>(t), .reward = static_cast<float>(t), .action = t});
-    return replay;
-}
-
 TEST(ReplayBuffer, SamplesUniformly) {
     const ReplayBuffer replay = filled(90, 250);  // the ring has wrapped
     std::vector<double> counts(90, 0);
@@ -227,6 +183,14 @@ TEST(ReplayBuffer, DrawsPositionsAsDocumented) {
         EXPECT_EQ(transition.action, position + 1);
     }
     EXPECT_EQ(random, same);
+}
+
+TEST(ReplayBuffer, TellsTheProbabilityOfAUniformDraw) {
+    const ReplayBuffer replay = filled(30, 100);
+    std::mt19937_64 random(5);
+    EXPECT_THAT(probabilities(replay), testing::Each(1.0f / 30));
+    EXPECT_TRUE(replay.sample(4, random).probability.equal(torch::full({4}, 1.0f / 30)));
+    EXPECT_THAT(probabilities(filled(30, 8)), testing::Each(1.0f / 7));
 }
 
 TEST(ReplayBuffer, IndexNamesAStorageSlotThatStays) {
@@ -255,6 +219,10 @@ TEST(ReplayBuffer, FillsTensorsOfTheCaller) {
     batch = replay.empty_batch(8);
     batch.discount = torch::empty({8, 1});
     EXPECT_THROW(replay.sample_into(batch, random), std::invalid_argument);
+    batch = replay.empty_batch(8);
+    batch.probability = torch::empty({7});
+    EXPECT_THAT([&] { replay.sample_into(batch, random); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("batch.probability")));
     batch = {};
     EXPECT_THROW(replay.sample_into(batch, random), std::invalid_argument);
 }
@@ -319,6 +287,12 @@ TEST(ReplayBuffer, RefusesAnImpossibleConfiguration) {
 TEST(ReplayMemory, AMillionTransitionsFitIn7300Megabytes) {
     EXPECT_LE(memory_needed(ReplayConfig{}), 7'300'000'000);
     EXPECT_GE(memory_needed(ReplayConfig{}), 84 * 84 * 1'000'000LL);
+}
+
+TEST(ReplayMemory, PrioritiesTakeATreeOfDoubles) {
+    ReplayConfig config, prioritised;
+    prioritised.prioritised = true;
+    EXPECT_EQ(memory_needed(prioritised) - memory_needed(config), 2 * (1 << 20) * 8);
 }
 
 TEST(ReplayMemory, TooLittleIsRefusedWithAWayOut) {

@@ -1,7 +1,9 @@
 // Saving, loading, and every way in which a file can be bad.
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
+#include <limits>
 #include <random>
 #include <string>
 
@@ -62,35 +64,86 @@ void play(ReplayBuffer& replay, int begin, int end) {
         }
 }
 
-TEST_F(ReplayFile, LoadsWhatWasSavedAndGoesOnAlike) {
-    for (const auto rule : {ReplayTerminal::corrected, ReplayTerminal::dopamine})
-        for (const int steps : {0, 1, 5, 16, 60}) {
-            SCOPED_TRACE(steps);
-            ReplayConfig config = small_config();
-            config.replay_terminal = rule;
-            ReplayBuffer replay(config), loaded(config);
-            play(replay, 0, steps);
-            play(loaded, 0, 9);  // is to be forgotten
-            replay.save(path("replay"));
-            loaded.load(path("replay"));
-            EXPECT_FALSE(fs::exists(path("replay.tmp")));
+void expect_goes_on_alike(const ReplayConfig& config, int steps, const std::string& path,
+                          const std::function<std::string(const ReplayBuffer&)>& saved) {
+    ReplayBuffer replay(config), loaded(config);
+    play(replay, 0, steps);
+    play(loaded, 0, 9);  // is to be forgotten
+    if (config.prioritised) give(replay, {0, 3, 7, 11}, {0.25, 4, 0, 1.0 / 3});
+    if (config.prioritised) give(loaded, {0, 1, 2, 3}, {100, 100, 100, 100});
+    replay.save(path);
+    loaded.load(path);
+    EXPECT_FALSE(fs::exists(path + ".tmp"));
 
-            EXPECT_EQ(loaded.size(), replay.size());
-            EXPECT_EQ(loaded.add_count(), replay.add_count());
-            for (const int later : {steps, steps + 1, steps + 8, steps + 40}) {
-                if (later > steps) {
-                    play(replay, steps, later);
-                    play(loaded, steps, later);
-                }
-                ASSERT_EQ(read_all(loaded), read_all(replay));
-                ASSERT_EQ(saved(loaded), saved(replay));
-                if (replay.size() == 0) continue;
-                std::mt19937_64 random(11), same(11);
-                const Batch expected = replay.sample(16, random), found = loaded.sample(16, same);
-                EXPECT_EQ(read(found), read(expected));
-                EXPECT_TRUE(found.index.equal(expected.index));
-            }
+    EXPECT_EQ(loaded.size(), replay.size());
+    EXPECT_EQ(loaded.add_count(), replay.add_count());
+    for (const int later : {steps, steps + 1, steps + 8, steps + 40}) {
+        if (later > steps) {
+            play(replay, steps, later);
+            play(loaded, steps, later);
         }
+        ASSERT_EQ(read_all(loaded), read_all(replay));
+        ASSERT_EQ(probabilities(loaded), probabilities(replay));
+        ASSERT_EQ(saved(loaded), saved(replay));
+        if (replay.size() == 0) continue;
+        std::mt19937_64 random(11), same(11);
+        const Batch expected = replay.sample(16, random), found = loaded.sample(16, same);
+        EXPECT_EQ(read(found), read(expected));
+        EXPECT_TRUE(found.index.equal(expected.index));
+        EXPECT_TRUE(found.probability.equal(expected.probability));
+    }
+}
+
+TEST_F(ReplayFile, LoadsWhatWasSavedAndGoesOnAlike) {
+    for (const bool prioritised : {false, true})
+        for (const auto rule : {ReplayTerminal::corrected, ReplayTerminal::dopamine})
+            for (const int steps : {0, 1, 5, 16, 60}) {
+                SCOPED_TRACE(steps);
+                ReplayConfig config = small_config();
+                config.replay_terminal = rule;
+                config.prioritised = prioritised;
+                expect_goes_on_alike(config, steps, path("replay"),
+                                     [this](const ReplayBuffer& replay) { return saved(replay); });
+            }
+}
+
+// A file with a good checksum: one transition, as DamagedReplayFile makes it below, and then
+// the largest priority and that of each of the 12 slots.
+TEST_F(ReplayFile, RefusesPrioritiesThatCannotBe) {
+    ReplayConfig config = small_config();
+    config.prioritised = true;
+    const auto refusal = [&](double largest, double of_the_transition, double of_an_empty_slot) {
+        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
+        const std::vector<double> entries{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 1};
+        const std::vector<std::int64_t> contents{1, 0, 1, 0, 0, -1, -1, 0, -1, -1, 0, 0, 0};
+        std::vector<double> priorities(13, 0);
+        priorities[0] = largest;
+        priorities[1] = of_the_transition;
+        priorities[12] = of_an_empty_slot;
+        file.write(entries.data(), entries.size() * sizeof(double));
+        file.write(contents.data(), contents.size() * sizeof(std::int64_t));
+        file.write("abcd", 4);
+        file.write(priorities.data(), priorities.size() * sizeof(double));
+        file.commit();
+        ReplayBuffer replay(config);
+        try {
+            replay.load(path("made"));
+        } catch (const std::runtime_error& error) {
+            return std::string(error.what());
+        }
+        EXPECT_EQ(probabilities(replay), std::vector<float>{1});
+        return std::string("accepted");
+    };
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(refusal(3, 2, 0), "accepted");
+    EXPECT_THAT(refusal(3, 4, 0), AllOf(HasSubstr(path("made")), HasSubstr("priorities")));
+    EXPECT_THAT(refusal(3, -1, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(3, not_a_number, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(3, 2, 1), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(0.5, 0.5, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(infinity, 2, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(not_a_number, 2, 0), HasSubstr("priorities"));
 }
 
 TEST_F(ReplayFile, KeepsContinuousActions) {
@@ -171,7 +224,7 @@ TEST_F(DamagedReplayFile, IsRefusedWhenItIsSomethingElse) {
     EXPECT_THAT(refusal("a letter to a friend"), HasSubstr("not a replay file"));
     std::string newer = good_;
     newer[8] = 77;
-    EXPECT_THAT(refusal(newer), AllOf(HasSubstr("version 77"), HasSubstr("version 1")));
+    EXPECT_THAT(refusal(newer), AllOf(HasSubstr("version 77"), HasSubstr("version 2")));
     EXPECT_THAT([&] { kept_.load(path("absent")); },
                 ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("absent"), HasSubstr("No such file"))));
     EXPECT_THROW(kept_.load(folder_), std::runtime_error);
@@ -197,6 +250,7 @@ TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
     refused([](auto& c) { c.gamma = 0.25; }, "agent.gamma", "0.5", "0.25");
     refused([](auto& c) { c.replay_terminal = ReplayTerminal::dopamine; }, "agent.replay_terminal",
             "corrected", "dopamine");
+    refused([](auto& c) { c.prioritised = true; }, "agent.prioritised", "false", "true");
 }
 
 // Files with a good checksum and absurd content: nothing is allocated for what they claim.
@@ -206,8 +260,8 @@ TEST_F(DamagedReplayFile, IsRefusedWhenItsContentIsAbsurd) {
         std::vector<std::int64_t> rest;
     };
     const auto made = [&](const Content& content) {
-        ReplayFileWriter file(path("made"), "CALE-RPL", 1);
-        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0};
+        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
+        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 0};
         file.write(config.data(), config.size() * sizeof(double));
         file.write(&content.frames_end, 3 * sizeof(std::int64_t));
         file.write(content.rest.data(), content.rest.size() * sizeof(std::int64_t));
@@ -227,8 +281,8 @@ TEST_F(DamagedReplayFile, IsRefusedWhenItsContentIsAbsurd) {
     // One transition, return and discount 0, and one frame of 4 bytes after its action.
     const auto with_frame = [&](std::int64_t newest, std::int64_t other) {
         std::string content = made({1, 0, 1, {0, 0, -1, other, newest, -1, -1, 0, 0, 0}});
-        ReplayFileWriter file(path("made"), "CALE-RPL", 1);
-        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0};
+        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
+        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 0};
         file.write(config.data(), config.size() * sizeof(double));
         const std::vector<std::int64_t> rest{1, 0, 1, 0, 0, -1, other, newest, -1, -1, 0, 0, 0};
         file.write(rest.data(), rest.size() * sizeof(std::int64_t));
@@ -248,7 +302,7 @@ TEST_F(DamagedReplayFile, StaysTheOldOneWhenSavingFails) {
     EXPECT_THAT([&] { kept_.save(path("no/such/folder/replay")); },
                 ThrowsMessage<std::runtime_error>(HasSubstr(path("no/such/folder/replay"))));
     {
-        ReplayFileWriter interrupted(path("good"), "CALE-RPL", 1);
+        ReplayFileWriter interrupted(path("good"), "CALE-RPL", 2);
         interrupted.write("abc", 3);
     }
     EXPECT_EQ(bytes(path("good")), good_);
