@@ -1,11 +1,15 @@
-// The dopamine rule against every transition that the reference's replay holds.
+// The dopamine rule against every transition that the reference's replay holds, and
+// prioritised sampling against its sum tree.
 #include <cctype>
 #include <cmath>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
 #include "numbered_frames.h"
+#include "replay/sum_tree.h"
 #include "support/golden.h"
 
 namespace cale {
@@ -73,6 +77,101 @@ TEST(ReplayGolden, DopamineRule) {
         }
     }
     EXPECT_GT(cases, 0) << "no golden replay in " << golden::directory();
+}
+
+// This section of every file that has it.
+std::vector<YAML::Node> golden_sections(const std::string& name) {
+    std::vector<YAML::Node> sections;
+    for (const auto& file : golden::files_of_kind("schedules"))
+        if (const YAML::Node section = golden::load(file)[name]) sections.push_back(section);
+    EXPECT_FALSE(sections.empty()) << "no golden " << name << " in " << golden::directory();
+    return sections;
+}
+
+std::vector<double> numbers(const YAML::Node& node) {
+    return node.as<std::vector<double>>();
+}
+
+void expect_close(double found, double expected) {
+    EXPECT_NEAR(found, expected, 1e-6 * std::abs(expected));
+}
+
+SumTree tree_of(const std::vector<double>& values, std::int64_t capacity) {
+    SumTree tree(capacity);
+    for (std::size_t i = 0; i < values.size(); ++i) tree.set(static_cast<std::int64_t>(i), values[i]);
+    return tree;
+}
+
+void expect_finds(const SumTree& tree, const YAML::Node& targets, const YAML::Node& index) {
+    ASSERT_EQ(targets.size(), index.size());
+    for (std::size_t i = 0; i < targets.size(); ++i)
+        EXPECT_EQ(tree.find(targets[i].as<double>()), index[i].as<std::int64_t>()) << targets[i];
+}
+
+// One transition for each of these priorities, and room for another.
+ReplayBuffer replay_of(const std::vector<double>& priorities) {
+    const auto size = static_cast<std::int64_t>(priorities.size());
+    ReplayBuffer replay = filled(size + 1, size + 1, true);
+    std::vector<std::int64_t> index(priorities.size());
+    std::iota(index.begin(), index.end(), 0);
+    give(replay, index, priorities);
+    return replay;
+}
+
+// The next transition enters with this priority, among others of which the sum is `root`.
+void expect_largest_priority(ReplayBuffer& replay, double largest, double root) {
+    add(replay, {.frame = 1'000'000});
+    expect_close(probabilities(replay).back(), largest / (root + largest));
+}
+
+TEST(SumTreeGolden, FindsWhatTheReferenceFinds) {
+    for (const auto& section : golden_sections("sum_tree")) {
+        const SumTree tree = tree_of(numbers(section["set"]), section["capacity"].as<std::int64_t>());
+        expect_close(tree.total(), section["root"].as<double>());
+        expect_finds(tree, section["targets"], section["index"]);
+    }
+}
+
+TEST(SumTreeGolden, ReplayUpdatesPrioritiesAsTheReference) {
+    for (const auto& section : golden_sections("sum_tree")) {
+        const auto set = numbers(section["set"]);
+        ReplayBuffer untouched = replay_of(set);
+        expect_largest_priority(untouched, section["max_recorded_priority"].as<double>(),
+                                section["root"].as<double>());
+
+        ReplayBuffer replay = replay_of(set);
+        const YAML::Node update = section["update"];
+        give(replay, update["index"].as<std::vector<std::int64_t>>(), numbers(update["value"]));
+        const auto root = update["root_after"].as<double>();
+        const auto found = probabilities(replay);
+        int read_back = 0;
+        for (const auto& entry : update) {
+            const auto key = entry.first.as<std::string>();  // get2: the value of index 2
+            if (!key.starts_with("get")) continue;
+            expect_close(found.at(std::stoul(key.substr(3))), entry.second.as<double>() / root);
+            ++read_back;
+        }
+        EXPECT_GT(read_back, 0);
+        expect_largest_priority(replay, update["max_recorded_priority"].as<double>(), root);
+    }
+}
+
+TEST(PrioritisedReplayGolden, DrawsWhatTheReferenceDrawsWithItsProbability) {
+    for (const auto& section : golden_sections("prioritized")) {
+        const auto priority = numbers(section["priority"]);
+        expect_finds(tree_of(priority, static_cast<std::int64_t>(priority.size())), section["targets"],
+                     section["index"]);
+
+        const auto index = section["index"].as<std::vector<std::int64_t>>();
+        const auto expected = numbers(section["probability"]);
+        const Batch batch = replay_of(priority).gather(index);
+        ASSERT_EQ(index.size(), expected.size());
+        for (std::size_t i = 0; i < expected.size(); ++i) {
+            const auto row = static_cast<std::int64_t>(i);
+            EXPECT_EQ(batch.index[row].item<std::int64_t>(), index[i]);
+            expect_close(batch.probability[row].item<float>(), expected[i]);
+        }
+    }
 }
 
 }  // namespace
