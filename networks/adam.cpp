@@ -66,6 +66,15 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
     at::_foreach_lerp_(target, online, tau);
 }
 
+torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum) {
+    const torch::NoGradGuard no_grad;
+    std::vector<torch::Tensor> gradients;
+    for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
+    const auto norm = at::stack(at::_foreach_norm(gradients)).norm();
+    at::_foreach_mul_(gradients, (maximum / norm).clamp_max(1));
+    return norm;
+}
+
 void hard_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online) {
     require_same_length(target, online);
     const torch::NoGradGuard no_grad;

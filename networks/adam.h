@@ -35,6 +35,7 @@ class Adam {
     std::map<std::string, torch::Tensor> state() const;
 
     double learning_rate() const { return config_.learning_rate; }
+    void set_learning_rate(double learning_rate) { config_.learning_rate = learning_rate; }
 
   private:
     AdamConfig config_;
@@ -47,6 +48,10 @@ class Adam {
 /// where the lists do not match.
 void soft_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online,
                  double tau);
+
+/// Scales the gradients of `parameters` down to the global norm `maximum` where it is larger, without a
+/// wait for the device. Returns the norm before: [].
+torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum);
 
 /// target = online, in place.
 void hard_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online);

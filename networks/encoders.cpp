@@ -7,16 +7,12 @@
 
 #include <torch/torch.h>
 
+#include "networks/shapes.h"
+
 namespace cale {
 namespace {
 
 constexpr double kLayerNormEpsilon = 1e-6;  // Flax's, not PyTorch's 1e-5
-
-std::string shape_text(at::IntArrayRef shape) {
-    std::string text = "[";
-    for (const auto size : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(size);
-    return text + "]";
-}
 
 torch::Tensor max_pool_same(const torch::Tensor& x) {
     const auto [top, bottom] = same_padding(x.size(2), 3, 2);
@@ -46,9 +42,10 @@ Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, at::Generato
     }
     std::int64_t channels = config.stack;
     const auto add = [&](const std::string& name, std::int64_t out, std::int64_t kernel, std::int64_t stride,
-                         const Initialiser& initialise) {
-        convs_.push_back(
-            owner.register_module(name, Conv(channels, out, kernel, stride, initialise, generator)));
+                         const Initialiser& own) {
+        const auto& initialise = config.initialise ? config.initialise : own;
+        convs_.push_back(owner.register_module(
+            name, Conv(channels, out, kernel, stride, initialise, generator, config.padding)));
         channels = out;
     };
     switch (config.encoder) {
@@ -109,6 +106,15 @@ torch::Tensor Trunk::residual_stages(torch::Tensor x) const {
         }
     }
     return x.relu();
+}
+
+SharedEncoderImpl::SharedEncoderImpl(const EncoderConfig& config, std::int64_t size,
+                                     const Initialiser& initialise, at::Generator generator)
+    : trunk_(*this, config, generator),
+      fc_(register_module("fc", Dense(trunk_.features(), size, initialise, generator))) {}
+
+torch::Tensor SharedEncoderImpl::forward(const torch::Tensor& observation) {
+    return fc_(trunk_(observation)).relu();
 }
 
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, at::Generator generator)

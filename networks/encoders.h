@@ -32,6 +32,8 @@ struct EncoderConfig {
     std::int64_t stack = 4;
     std::int64_t frame_height = 84;
     std::int64_t frame_width = 84;
+    Padding padding = Padding::same;
+    Initialiser initialise = nullptr;  // none: the encoder's own
 };
 
 /// The convolutions of an encoder: [B, stack, H, W] uint8 -> [B, features()], flattened in
@@ -40,7 +42,7 @@ struct EncoderConfig {
 ///   phi_sac  32@3x3/2, 3 times 32@3x3/1, ReLU; orthogonal
 ///   phi_dqn  32@8x8/4, 64@4x4/2, 64@3x3/1, ReLU; Glorot
 ///   impala   16, 32 and 32 channels: conv 3x3, max pool 3x3/2, two residual blocks; Glorot
-/// Pixels are divided by 255, every convolution and pool pads "SAME". (Dopamine has an impala for
+/// Pixels are divided by 255; every pool pads "SAME". (Dopamine has an impala for
 /// CALE that no configuration uses and that neither scales nor flattens; this one does both.)
 class Trunk {
   public:
@@ -60,6 +62,34 @@ class Trunk {
     std::vector<Conv> convs_;
     std::int64_t features_ = 0;
 };
+
+/// A trunk, and nothing else.
+class ConvEncoderImpl : public torch::nn::Module {
+  public:
+    ConvEncoderImpl(const EncoderConfig& config, at::Generator generator)
+        : trunk_(*this, config, generator) {}
+    /// [B, stack, H, W] uint8 -> [B, size()]
+    torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
+    std::int64_t size() const { return trunk_.features(); }
+
+  private:
+    Trunk trunk_;
+};
+using ConvEncoder = torch::nn::ModuleHolder<ConvEncoderImpl>;
+
+/// A trunk and Dense `size` with ReLU: the features that a policy and a value share and both train.
+class SharedEncoderImpl : public torch::nn::Module {
+  public:
+    SharedEncoderImpl(const EncoderConfig& config, std::int64_t size, const Initialiser& initialise,
+                      at::Generator generator);
+    /// [B, stack, H, W] uint8 -> [B, size]
+    torch::Tensor forward(const torch::Tensor& observation);
+
+  private:
+    Trunk trunk_;
+    Dense fc_{nullptr};
+};
+using SharedEncoder = torch::nn::ModuleHolder<SharedEncoderImpl>;
 
 /// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains
 /// the trunk, the actor's does not.

@@ -1,41 +1,95 @@
 #include "networks/heads.h"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include <torch/torch.h>
 
 namespace cale {
 
-MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator) {
+namespace {
+
+/// fc1, fc2, ... of `owner`, the first of them on `in` features.
+std::vector<Dense> hidden_layers(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
+                                 const at::Generator& generator) {
     if (config.hidden_layers < 0 || config.hidden_units < 1) {
         throw std::invalid_argument("a head has 0 or more hidden_layers of 1 or more hidden_units, not " +
                                     std::to_string(config.hidden_layers) + " of " +
                                     std::to_string(config.hidden_units));
     }
+    std::vector<Dense> layers;
     for (std::int64_t layer = 1; layer <= config.hidden_layers; ++layer) {
-        hidden_.push_back(register_module("fc" + std::to_string(layer),
-                                          Dense(in, config.hidden_units, glorot_uniform(), generator)));
+        layers.push_back(owner.register_module("fc" + std::to_string(layer),
+                                               Dense(in, config.hidden_units, config.initialise, generator)));
         in = config.hidden_units;
     }
-    out_ = register_module("out", Dense(in, out, glorot_uniform(), generator));
+    return layers;
 }
+
+std::int64_t width_behind(std::int64_t in, const HeadConfig& config) {
+    return config.hidden_layers > 0 ? config.hidden_units : in;
+}
+
+torch::Tensor through(std::vector<Dense>& layers, Activation activation, torch::Tensor x) {
+    for (auto& layer : layers) x = activation == Activation::relu ? layer(x).relu_() : layer(x).tanh_();
+    return x;
+}
+
+}  // namespace
+
+MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator)
+    : activation_(config.activation),
+      hidden_(hidden_layers(*this, in, config, generator)),
+      out_(register_module("out", Dense(width_behind(in, config), out, config.initialise_out, generator))) {}
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
-    for (auto& layer : hidden_) x = layer(x).relu_();
-    return out_(x);
+    return out_(through(hidden_, activation_, std::move(x)));
 }
 
-TwinCriticImpl::TwinCriticImpl(std::int64_t features, std::int64_t action_size, const HeadConfig& config,
-                               at::Generator generator)
-    : q1_(register_module("q1", Mlp(features + action_size, 1, config, generator))),
-      q2_(register_module("q2", Mlp(features + action_size, 1, config, generator))) {}
+std::span<const std::string_view> names_of(LogStd) {
+    static constexpr std::array<std::string_view, 2> names{"summed", "direct"};
+    return names;
+}
 
-TwinValues TwinCriticImpl::forward(const torch::Tensor& features, const torch::Tensor& action) {
-    const auto x = torch::cat({features, action}, 1);
-    return {q1_(x).squeeze(1), q2_(x).squeeze(1)};
+GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config,
+                                     LogStd log_std, at::Generator generator)
+    : activation_(config.activation),
+      hidden_(hidden_layers(*this, in, config, generator)),
+      mean_(register_module("mean",
+                            Dense(width_behind(in, config), action_size, config.initialise_out, generator))) {
+    if (log_std == LogStd::summed) {
+        const Initialiser zero = [](torch::Tensor& weight, const at::Generator&) {
+            torch::nn::init::zeros_(weight);
+        };
+        summed_log_std_ =
+            register_module("log_std", Dense(width_behind(in, config), action_size, zero, generator));
+    } else {
+        direct_log_std_ = register_parameter("log_std", torch::zeros({action_size}));
+    }
+}
+
+SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
+    const auto mean = mean_(through(hidden_, activation_, std::move(x)));
+    const auto log_std =
+        summed_log_std_ ? summed_log_std_->weight.sum(1) + summed_log_std_->bias : direct_log_std_;
+    return {mean, log_std.expand_as(mean)};
+}
+
+torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions) {
+    return values.gather(1, actions.unsqueeze(1)).squeeze(1);
+}
+
+TwinCriticImpl::TwinCriticImpl(std::int64_t in, std::int64_t out, const HeadConfig& config,
+                               at::Generator generator)
+    : q1_(register_module("q1", Mlp(in, out, config, generator))),
+      q2_(register_module("q2", Mlp(in, out, config, generator))) {}
+
+TwinValues TwinCriticImpl::forward(const torch::Tensor& x) {
+    return {q1_(x), q2_(x)};
 }
 
 ActionBox joystick_box() {
@@ -49,15 +103,30 @@ SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output) {
     return {actor_output.narrow(1, 0, size), actor_output.narrow(1, size, size)};
 }
 
-PolicySample sample(const SquashedGaussian& policy, const torch::Tensor& noise, const ActionBox& box) {
-    const auto u = policy.mean + policy.log_std.exp() * noise;
-    const auto action = torch::addcmul(box.centre, box.half_width, u.tanh());
-    // log N(u) - log |d action / d u|, with log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)).
+namespace {
+
+/// log N(u) - log |d action / d u|, with log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u)). `noise` is
+/// (u - mean) / std.
+torch::Tensor log_density(const SquashedGaussian& policy, const torch::Tensor& u, const torch::Tensor& noise,
+                          const ActionBox& box) {
     constexpr double log_2 = std::numbers::ln2;
     const double log_sqrt_2_pi = 0.5 * std::log(2 * std::numbers::pi);
     const auto per_coordinate =
         -0.5 * noise.square() - policy.log_std - log_sqrt_2_pi - 2 * (log_2 - u - at::softplus(-2 * u));
-    return {action, per_coordinate.sum(1) - box.log_half_widths};
+    return per_coordinate.sum(1) - box.log_half_widths;
+}
+
+}  // namespace
+
+PolicySample sample(const SquashedGaussian& policy, const torch::Tensor& noise, const ActionBox& box) {
+    const auto u = policy.mean + policy.log_std.exp() * noise;
+    return {torch::addcmul(box.centre, box.half_width, u.tanh()), log_density(policy, u, noise, box)};
+}
+
+torch::Tensor log_prob(const SquashedGaussian& policy, const torch::Tensor& action, const ActionBox& box) {
+    constexpr double largest = 0.99999994;  // the largest float below 1
+    const auto u = ((action - box.centre) / box.half_width).clamp(-largest, largest).atanh();
+    return log_density(policy, u, (u - policy.mean) * (-policy.log_std).exp(), box);
 }
 
 torch::Tensor mean_action(const SquashedGaussian& policy, const ActionBox& box) {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <string_view>
 #include <vector>
 
 #include <torch/nn/module.h>
@@ -13,12 +15,17 @@
 
 namespace cale {
 
+enum class Activation { relu, tanh };
+
 struct HeadConfig {
     std::int64_t hidden_layers = 1;
     std::int64_t hidden_units = 512;
+    Activation activation = Activation::relu;
+    Initialiser initialise = glorot_uniform();      // of the hidden layers
+    Initialiser initialise_out = glorot_uniform();  // of the last one
 };
 
-/// fc1, fc2, ... with ReLU, then out. Glorot.
+/// fc1, fc2, ..., each with its activation, then out.
 class MlpImpl : public torch::nn::Module {
   public:
     MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator);
@@ -26,24 +33,27 @@ class MlpImpl : public torch::nn::Module {
     torch::Tensor forward(torch::Tensor x);
 
   private:
+    Activation activation_;
     std::vector<Dense> hidden_;
     Dense out_{nullptr};
 };
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
 
-/// Two estimates of the same action value, [B] each.
+/// values [B, A], actions [B] int64 -> the values of the actions, [B].
+torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions);
+
+/// Two estimates of the same action values, of one shape.
 struct TwinValues {
     torch::Tensor q1, q2;
     torch::Tensor minimum() const { return torch::minimum(q1, q2); }
 };
 
-/// Two independent critics of (features, action), clipped double Q-learning's (Fujimoto et al. 2018).
+/// Two independent critics q1 and q2, as clipped double Q-learning has them (Fujimoto et al. 2018).
 class TwinCriticImpl : public torch::nn::Module {
   public:
-    TwinCriticImpl(std::int64_t features, std::int64_t action_size, const HeadConfig& config,
-                   at::Generator generator);
-    /// features [B, F], action [B, A] in the action box's own units.
-    TwinValues forward(const torch::Tensor& features, const torch::Tensor& action);
+    TwinCriticImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator);
+    /// [B, in] -> [B, out] each
+    TwinValues forward(const torch::Tensor& x);
 
   private:
     Mlp q1_{nullptr}, q2_{nullptr};
@@ -68,6 +78,30 @@ struct SquashedGaussian {
 /// Splits an actor's output [B, 2 A] into means and log standard deviations.
 SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output);
 
+/// How a standard deviation that does not depend on the state is parameterised.
+///   summed  a bias and a row of weights per coordinate, all added up: as Dopamine's PPO has it, which
+///           makes Adam move it by (1 + units) learning rates per step
+///   direct  one number per coordinate
+enum class LogStd { summed, direct };
+std::span<const std::string_view> names_of(LogStd);
+
+/// fc1, fc2, ..., then mean; beside them log_std, which starts at 0 (one number per coordinate or,
+/// if summed, a dense layer that is fed ones).
+class GaussianActorImpl : public torch::nn::Module {
+  public:
+    GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config, LogStd log_std,
+                      at::Generator generator);
+    /// [B, in] -> mean and log_std [B, A]
+    SquashedGaussian forward(torch::Tensor x);
+
+  private:
+    Activation activation_;
+    std::vector<Dense> hidden_;
+    Dense mean_{nullptr}, summed_log_std_{nullptr};
+    torch::Tensor direct_log_std_;
+};
+using GaussianActor = torch::nn::ModuleHolder<GaussianActorImpl>;
+
 /// A sampled action [B, A] and its log-density [B] in the units of the box.
 struct PolicySample {
     torch::Tensor action, log_prob;
@@ -79,5 +113,9 @@ PolicySample sample(const SquashedGaussian& policy, const torch::Tensor& noise, 
 
 /// centre + half_width * tanh(mean): [B, A].
 torch::Tensor mean_action(const SquashedGaussian& policy, const ActionBox& box);
+
+/// The log-density [B] of given actions [B, A]. Actions on the box's border, where the density
+/// ends, are taken for the nearest float inside.
+torch::Tensor log_prob(const SquashedGaussian& policy, const torch::Tensor& action, const ActionBox& box);
 
 }  // namespace cale

@@ -32,18 +32,40 @@ class DenseImpl : public torch::nn::Module {
 };
 using Dense = torch::nn::ModuleHolder<DenseImpl>;
 
+/// The standard normal numbers of one pass through a noisy layer, drawn per feature and not per
+/// weight: input [in], output [out]. One draw serves the whole batch.
+struct FactorisedNoise {
+    torch::Tensor input, output;
+};
+
+/// A dense layer whose weights are noisy (Fortunato et al. 2018, "Noisy Networks for Exploration",
+/// equations 9-11): W = mu + sigma * f(output) f(input)^T, b = mu + sigma * f(output), f(x) = sign(x)
+/// sqrt|x|. mu starts uniform within +-1/sqrt(in), sigma at initial_sigma / sqrt(in).
+class NoisyDenseImpl : public torch::nn::Module {
+  public:
+    NoisyDenseImpl(std::int64_t in, std::int64_t out, double initial_sigma, at::Generator generator);
+    /// [B, in] -> [B, out]; without noise the weights are mu.
+    torch::Tensor forward(const torch::Tensor& x, const FactorisedNoise* noise = nullptr) const;
+
+    torch::Tensor weight_mu, weight_sigma, bias_mu, bias_sigma;
+};
+using NoisyDense = torch::nn::ModuleHolder<NoisyDenseImpl>;
+
 /// Zeros (before, after) an axis that make a convolution return ceil(size / stride)
 /// positions. An odd total puts the extra zero after, as JAX's and TensorFlow's "SAME" do.
 std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64_t kernel,
                                                    std::int64_t stride);
 
-/// A square convolution with "SAME" padding. weight [out, in, kernel, kernel], bias [out], zero at first.
+/// same: ceil(size / stride) positions. valid: no zeros are added.
+enum class Padding { same, valid };
+
+/// A square convolution. weight [out, in, kernel, kernel], bias [out], zero at first.
 class ConvImpl : public torch::nn::Module {
   public:
     ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t stride,
-             const Initialiser& initialise, at::Generator generator);
+             const Initialiser& initialise, at::Generator generator, Padding padding = Padding::same);
 
-    /// [B, in, H, W] -> [B, out, ceil(H / stride), ceil(W / stride)]
+    /// [B, in, H, W] -> [B, out, H', W'], channels last
     torch::Tensor forward(const torch::Tensor& x) const;
 
     /// Convolves every row by itself: [B, in, H, W] -> [B, out, H, ceil(W / stride)].
@@ -55,6 +77,7 @@ class ConvImpl : public torch::nn::Module {
 
   private:
     std::int64_t kernel_, stride_;
+    Padding padding_;
 };
 using Conv = torch::nn::ModuleHolder<ConvImpl>;
 

@@ -45,14 +45,14 @@ TEST(Mlp, HiddenLayersAreRectified) {
     EXPECT_FLOAT_EQ(mlp(torch::tensor({{3.0f}})).item<float>(), -3);
 }
 
-TEST(TwinCritic, TwoIndependentValuesOfFeaturesAndAction) {
+TEST(TwinCritic, TwoIndependentValues) {
     const torch::NoGradGuard no_grad;
     TwinCritic critic(5, 3, HeadConfig{}, generator());
-    const auto features = torch::rand({4, 5}, generator(2)), action = torch::rand({4, 3}, generator(3));
-    const auto values = critic(features, action);
-    EXPECT_EQ(values.q1.sizes(), (std::vector<std::int64_t>{4}));
+    const auto x = torch::rand({4, 5}, generator(2));
+    const auto values = critic(x);
+    EXPECT_EQ(values.q1.sizes(), (std::vector<std::int64_t>{4, 3}));
     EXPECT_FALSE(torch::allclose(values.q1, values.q2));
-    EXPECT_FALSE(torch::allclose(values.q1, critic(features, action + 1).q1));
+    EXPECT_FALSE(torch::allclose(values.q1, critic(x + 1).q1));
     EXPECT_TRUE(torch::equal(values.minimum(), torch::minimum(values.q1, values.q2)));
 }
 

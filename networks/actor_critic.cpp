@@ -1,0 +1,60 @@
+#include "networks/actor_critic.h"
+
+#include <utility>
+
+#include <torch/torch.h>
+
+namespace cale {
+
+SacNetworkImpl::SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
+                               at::Generator generator)
+    : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))), box(joystick_box()) {
+    const auto axes = box.centre.size(0);
+    actor = register_module("actor", Mlp(encoder->size(), 2 * axes, head_config, generator));
+    critic = register_module("critic", TwinCritic(encoder->size() + axes, 1, head_config, generator));
+    register_buffer("box_centre", box.centre);
+    register_buffer("box_half_width", box.half_width);
+}
+
+SquashedGaussian SacNetworkImpl::policy(const torch::Tensor& features) {
+    return squashed_gaussian(actor(encoder->actor_branch(features)));
+}
+
+TwinValues SacNetworkImpl::values(const torch::Tensor& critic_z, const torch::Tensor& action) {
+    const auto q = critic(torch::cat({critic_z, action}, 1));
+    return {q.q1.squeeze(1), q.q2.squeeze(1)};
+}
+
+SacdNetworkImpl::SacdNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
+                                 std::int64_t num_actions, at::Generator generator)
+    : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
+      actor(register_module("actor", Mlp(encoder->size(), num_actions, head_config, generator))),
+      critic(register_module("critic", TwinCritic(encoder->size(), num_actions, head_config, generator))) {}
+
+torch::Tensor SacdNetworkImpl::log_policy(const torch::Tensor& features) {
+    return actor(encoder->actor_branch(features)).log_softmax(1);
+}
+
+namespace {
+
+std::vector<torch::Tensor> parameters_of(const torch::nn::Module& network, bool of_actor) {
+    std::vector<torch::Tensor> chosen;
+    for (const auto& parameter : network.named_parameters()) {
+        const bool actor =
+            parameter.key().starts_with("actor.") || parameter.key().starts_with("encoder.actor_");
+        if (actor == of_actor) chosen.push_back(parameter.value());
+    }
+    return chosen;
+}
+
+}  // namespace
+
+std::vector<torch::Tensor> actor_parameters(const torch::nn::Module& network) {
+    return parameters_of(network, true);
+}
+
+std::vector<torch::Tensor> critic_parameters(const torch::nn::Module& network) {
+    return parameters_of(network, false);
+}
+
+}  // namespace cale

@@ -1,0 +1,55 @@
+// One encoder, one actor and two critics: the networks of SAC and of SAC-D.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <ATen/core/Generator.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include "networks/encoders.h"
+#include "networks/heads.h"
+
+namespace cale {
+
+/// A squashed Gaussian on the joystick's box, and critics of (state, action). float32 on the CPU until moved.
+class SacNetworkImpl : public torch::nn::Module {
+  public:
+    SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
+                   at::Generator generator);
+
+    /// The policy on the encoder's features [B, F]; its gradient does not reach the trunk.
+    SquashedGaussian policy(const torch::Tensor& features);
+    /// Q1 and Q2 [B] of the critic's branch [B, Z] and an action [B, 3] in the box's own units.
+    TwinValues values(const torch::Tensor& critic_z, const torch::Tensor& action);
+
+    TwoBranchEncoder encoder{nullptr};
+    Mlp actor{nullptr};
+    TwinCritic critic{nullptr};
+    ActionBox box;  // beside the parameters, as buffers
+};
+using SacNetwork = torch::nn::ModuleHolder<SacNetworkImpl>;
+
+/// A categorical actor, and critics that value every action of a state.
+class SacdNetworkImpl : public torch::nn::Module {
+  public:
+    SacdNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
+                    std::int64_t num_actions, at::Generator generator);
+
+    /// log pi(. | s) [B, A] on the encoder's features [B, F]; its gradient does not reach the trunk.
+    torch::Tensor log_policy(const torch::Tensor& features);
+
+    TwoBranchEncoder encoder{nullptr};
+    Mlp actor{nullptr};
+    TwinCritic critic{nullptr};
+};
+using SacdNetwork = torch::nn::ModuleHolder<SacdNetworkImpl>;
+
+/// The parameters that an actor's loss trains, actor.* and encoder.actor_*, and those that the
+/// critics' loss trains: the rest.
+std::vector<torch::Tensor> actor_parameters(const torch::nn::Module& network);
+std::vector<torch::Tensor> critic_parameters(const torch::nn::Module& network);
+
+}  // namespace cale

@@ -1,0 +1,77 @@
+#include "networks/ppo_network.h"
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include <torch/torch.h>
+
+namespace cale {
+namespace {
+
+constexpr std::int64_t kSharedFeatures = 512;
+
+}  // namespace
+
+std::span<const std::string_view> names_of(Torso) {
+    static constexpr std::array<std::string_view, 2> names{"two_branch", "shared"};
+    return names;
+}
+
+PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions,
+                               at::Generator generator)
+    : box(joystick_box()) {
+    EncoderConfig encoder = config.encoder;
+    const auto hidden = orthogonal(std::numbers::sqrt2);
+    std::int64_t features = kSharedFeatures;
+    if (config.torso == Torso::two_branch) {
+        two_branch_ = register_module("encoder", TwoBranchEncoder(encoder, generator));
+        features = two_branch_->size();
+    } else {
+        encoder.padding = Padding::valid;
+        encoder.initialise = hidden;
+        shared_ = register_module("encoder", SharedEncoder(encoder, features, hidden, generator));
+    }
+    const auto head = [&](double gain) {
+        return HeadConfig{config.hidden_layers, config.hidden_units, Activation::tanh, hidden,
+                          orthogonal(gain)};
+    };
+    if (num_actions == 0) {
+        gaussian_ = register_module(
+            "actor", GaussianActor(features, box.centre.size(0), head(0.1), config.log_std, generator));
+    } else {
+        categorical_ = register_module("actor", Mlp(features, num_actions, head(0.01), generator));
+    }
+    critic_ = register_module("critic", Mlp(features, 1, head(1), generator));
+    register_buffer("box_centre", box.centre);
+    register_buffer("box_half_width", box.half_width);
+}
+
+PpoNetworkImpl::Output PpoNetworkImpl::forward(const torch::Tensor& observation) {
+    torch::Tensor actor_z, critic_z;
+    if (shared_) {
+        actor_z = critic_z = shared_(observation);
+    } else {
+        const auto features = two_branch_->trunk(observation);
+        actor_z = two_branch_->actor_branch(features);
+        critic_z = two_branch_->critic_branch(features);
+    }
+    PpoPolicy policy;
+    if (gaussian_) {
+        policy.gaussian = gaussian_(actor_z);
+    } else {
+        policy.log_pi = categorical_(actor_z).log_softmax(1);
+    }
+    return {policy, critic_(critic_z).squeeze(1)};
+}
+
+torch::Tensor log_prob(const PpoPolicy& policy, const torch::Tensor& action, const ActionBox& box) {
+    return policy.gaussian ? log_prob(*policy.gaussian, action, box) : values_of(policy.log_pi, action);
+}
+
+torch::Tensor entropy(const PpoPolicy& policy) {
+    if (!policy.gaussian) return -(policy.log_pi.exp() * policy.log_pi).sum(1);
+    return (0.5 * (1 + std::log(2 * std::numbers::pi)) + policy.gaussian->log_std).sum(1);
+}
+
+}  // namespace cale

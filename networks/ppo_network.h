@@ -1,0 +1,65 @@
+// A policy and a value: the networks of PPO, as CALE has them and as PPO's own implementations do.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include <ATen/core/Generator.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include "networks/encoders.h"
+#include "networks/heads.h"
+
+namespace cale {
+
+/// two_branch: CALE's encoder; the policy's gradient does not reach its convolutions.
+/// shared: unpadded convolutions and 512 features that the policy and the value both train.
+enum class Torso { two_branch, shared };
+std::span<const std::string_view> names_of(Torso);
+
+struct PpoNetworkConfig {
+    EncoderConfig encoder;
+    Torso torso = Torso::two_branch;
+    std::int64_t hidden_layers = 2;  // of the actor and of the critic, tanh
+    std::int64_t hidden_units = 64;
+    LogStd log_std = LogStd::summed;
+};
+
+/// A policy in some states: a Gaussian on the joystick's box, or log-probabilities [B, A].
+struct PpoPolicy {
+    std::optional<SquashedGaussian> gaussian;
+    torch::Tensor log_pi;
+};
+
+/// Parameters are float32 on the CPU until moved.
+class PpoNetworkImpl : public torch::nn::Module {
+  public:
+    /// `num_actions` 0: the continuous joystick.
+    PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions, at::Generator generator);
+
+    struct Output {
+        PpoPolicy policy;
+        torch::Tensor value;  // [B]
+    };
+    Output forward(const torch::Tensor& observation);
+
+    ActionBox box;  // beside the parameters, as buffers
+
+  private:
+    TwoBranchEncoder two_branch_{nullptr};
+    SharedEncoder shared_{nullptr};
+    GaussianActor gaussian_{nullptr};
+    Mlp categorical_{nullptr}, critic_{nullptr};
+};
+using PpoNetwork = torch::nn::ModuleHolder<PpoNetworkImpl>;
+
+/// [B] log-probabilities (densities in the box's units) of actions [B, 3] or [B] int64.
+torch::Tensor log_prob(const PpoPolicy& policy, const torch::Tensor& action, const ActionBox& box);
+/// [B]; of a Gaussian: before it is squashed.
+torch::Tensor entropy(const PpoPolicy& policy);
+
+}  // namespace cale

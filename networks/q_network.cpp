@@ -1,0 +1,75 @@
+#include "networks/q_network.h"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <torch/torch.h>
+
+namespace cale {
+
+QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator)
+    : config_(config), in_(in) {
+    if (config.num_actions < 1 || config.hidden_units < 1 || config.num_atoms < 1) {
+        throw std::invalid_argument(
+            "a head of action values has at least one action, hidden unit and atom, not " +
+            std::to_string(config.num_actions) + ", " + std::to_string(config.hidden_units) + " and " +
+            std::to_string(config.num_atoms));
+    }
+    const auto out = config.num_actions * config.num_atoms;
+    fc1_ = add_layer("fc1", in, config.hidden_units, generator);
+    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, generator);
+    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, generator);
+}
+
+QHeadImpl::Layer QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out,
+                                      at::Generator generator) {
+    Layer layer;
+    if (config_.noisy) {
+        layer.noisy = register_module(name, NoisyDense(in, out, config_.initial_sigma, generator));
+    } else {
+        layer.plain = register_module(name, Dense(in, out, glorot_uniform(), generator));
+    }
+    return layer;
+}
+
+torch::Tensor QHeadImpl::Layer::operator()(const torch::Tensor& x, const FactorisedNoise* noise) const {
+    return plain ? plain->forward(x) : noisy->forward(x, noise);
+}
+
+torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* noise) {
+    const auto x = fc1_(features, noise ? &noise->hidden : nullptr).relu();
+    const auto out =
+        out_(x, noise ? &noise->out : nullptr).reshape({-1, config_.num_actions, config_.num_atoms});
+    if (!config_.dueling) return out;
+    const auto value = value_(x, noise ? &noise->value : nullptr).unsqueeze(1);
+    return value + out - out.mean(1, /*keepdim=*/true);
+}
+
+QNoise QHeadImpl::draw_noise(at::Generator generator) const {
+    if (!config_.noisy) return {};
+    const auto normal = [&](std::int64_t size) { return torch::randn({size}, generator); };
+    const auto shared = normal(config_.hidden_units);
+    return {{normal(in_), normal(config_.hidden_units)},
+            {shared, normal(config_.num_actions * config_.num_atoms)},
+            {shared, normal(config_.num_atoms)}};
+}
+
+QNetworkImpl::QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
+                           at::Generator generator)
+    : encoder(register_module("encoder", ConvEncoder(encoder_config, generator))),
+      head(register_module("head", QHead(encoder->size(), head_config, generator))) {}
+
+torch::Tensor QNetworkImpl::forward(const torch::Tensor& observation, const QNoise* noise) {
+    return head(encoder(observation), noise);
+}
+
+QNoise to(const QNoise& noise, const torch::TensorOptions& options) {
+    QNoise moved = noise;
+    for (auto* layer : {&moved.hidden, &moved.out, &moved.value})
+        for (auto* numbers : {&layer->input, &layer->output})
+            if (numbers->defined()) *numbers = numbers->to(options);
+    return moved;
+}
+
+}  // namespace cale

@@ -1,0 +1,78 @@
+// Action values from frames: the network of DQN and, piece by piece, of Rainbow.
+//   Mnih et al. 2015 (plain), Wang et al. 2016 (dueling), Bellemare et al. 2017 (a distribution
+//   over atoms), Fortunato et al. 2018 (noisy), Hessel et al. 2018 (all of them)
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <ATen/core/Generator.h>
+#include <torch/nn/module.h>
+#include <torch/nn/pimpl.h>
+#include <torch/types.h>
+
+#include "networks/encoders.h"
+#include "networks/layers.h"
+
+namespace cale {
+
+struct QHeadConfig {
+    std::int64_t num_actions = 0;
+    std::int64_t hidden_units = 512;
+    std::int64_t num_atoms = 1;  // per action
+    bool dueling = false;
+    bool noisy = false;
+    double initial_sigma = 0.1;  // of noisy layers
+};
+
+/// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
+/// the reference, where one key serves all layers.
+struct QNoise {
+    FactorisedNoise hidden, out, value;  // value: only where dueling
+};
+
+/// fc1 with ReLU, then `out` [A x atoms], or `adv` [A x atoms] and `value` [atoms] where dueling:
+/// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy.
+class QHeadImpl : public torch::nn::Module {
+  public:
+    /// Throws std::invalid_argument for fewer than one action, unit or atom.
+    QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator);
+
+    /// [B, in] -> [B, A, atoms]. Layers that are not noisy ignore the noise; noisy ones are their means
+    /// without.
+    torch::Tensor forward(const torch::Tensor& features, const QNoise* noise = nullptr);
+
+    /// Drawn on the CPU, float32; empty unless noisy.
+    QNoise draw_noise(at::Generator generator) const;
+
+  private:
+    /// A layer that is either plain or noisy.
+    struct Layer {
+        Dense plain{nullptr};
+        NoisyDense noisy{nullptr};
+        torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise) const;
+    };
+    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
+
+    QHeadConfig config_;
+    std::int64_t in_;
+    Layer fc1_, out_, value_;
+};
+using QHead = torch::nn::ModuleHolder<QHeadImpl>;
+
+/// encoder.conv1, ..., head.fc1, ...: [B, stack, H, W] uint8 -> [B, A, atoms].
+class QNetworkImpl : public torch::nn::Module {
+  public:
+    QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
+                 at::Generator generator);
+    torch::Tensor forward(const torch::Tensor& observation, const QNoise* noise = nullptr);
+
+    ConvEncoder encoder{nullptr};
+    QHead head{nullptr};
+};
+using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
+
+/// The same numbers on a device, in a floating-point type.
+QNoise to(const QNoise& noise, const torch::TensorOptions& options);
+
+}  // namespace cale
