@@ -5,6 +5,7 @@
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <torch/types.h>
@@ -22,9 +23,15 @@ struct AgentSpec {
     std::int64_t stack = 4;
     std::int64_t frame_height = kFrameHeight;
     std::int64_t frame_width = kFrameWidth;
+    std::int64_t total_steps = 0;  // agent steps of the whole run, for schedules that end with it
     std::uint64_t seed = 1;
     torch::Device device = torch::kCPU;
 };
+
+/// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not
+/// that of the world.
+void require_continuous(std::string_view who, const AgentSpec& spec);
+void require_discrete(std::string_view who, const AgentSpec& spec);
 
 /// One agent step of N environments. The spans need to live only during the call.
 struct Experiences {
@@ -47,16 +54,17 @@ class Agent {
     /// Learns from what followed. Called once per agent step.
     virtual void observe(const Experiences& experiences) = 0;
 
-    /// Called once before every decision: the agent updates itself when its own rhythm
-    /// says so. Returns whether it did.
-    virtual bool update() = 0;
+    /// Called once before every decision with the observations that it will be made on: the agent
+    /// updates itself when its own rhythm says so. Returns whether it did.
+    virtual bool update(const torch::Tensor& observations) = 0;
 
     /// Named scalars of the newest update and the current schedules: name -> value,
     /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.
     virtual std::map<std::string, double> metrics() = 0;
 
     /// Everything that the future of this agent depends on but for the replay's contents.
-    virtual TensorMap state() const = 0;
+    virtual TensorMap state() = 0;
+    /// Throws std::runtime_error, and changes nothing, for the state of another agent or configuration.
     virtual void load_state(const TensorMap& state) = 0;
     /// The replay's contents, written to and read from a file; agents without memory do nothing.
     virtual void save_memory(const std::string& path) const = 0;

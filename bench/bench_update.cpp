@@ -16,8 +16,8 @@ constexpr std::int64_t kBatch = 32;
 
 SacLearner make_learner(const SacConfig& config) {
     const auto make_network = [&] {
-        return SacNetwork(EncoderConfig{.encoder = config.encoder, .phi_dqn = config.phi_dqn},
-                          HeadConfig{config.hidden_layers, config.hidden_units}, make_generator(1));
+        return SacNetwork(EncoderConfig{.encoder = config.network.encoder, .phi_dqn = config.network.phi_dqn},
+                          config.network.head(), make_generator(1));
     };
     return {make_network(), make_network(), torch::zeros({1}).requires_grad_(), config};
 }
@@ -34,7 +34,9 @@ Batch make_batch() {
 
 void sac_update(benchmark::State& state, EncoderKind encoder, PhiDqn phi_dqn) {
     at::set_num_threads(static_cast<int>(state.range(0)));
-    const SacConfig config{.encoder = encoder, .phi_dqn = phi_dqn};
+    SacConfig config;
+    config.network.encoder = encoder;
+    config.network.phi_dqn = phi_dqn;
     auto learner = make_learner(config);
     const auto batch = make_batch();
     const SacNoise noise{torch::randn({kBatch, 3}), torch::randn({kBatch, 3})};

@@ -59,3 +59,13 @@ function(cale_use_torch_headers target)
     endif()
     target_precompile_headers(${target} REUSE_FROM cale_torch_headers)
 endfunction()
+
+# build/bin/train_NAME: a main() around make_NAME() of agents/NAME.h.
+function(cale_train_program agent description)
+    set(source ${CMAKE_CURRENT_BINARY_DIR}/train_${agent}.cpp)
+    configure_file(${PROJECT_SOURCE_DIR}/train/train.cpp.in ${source} @ONLY)
+    add_executable(train_${agent} ${source})
+    target_link_libraries(train_${agent} PRIVATE cale::experiment cale::agents cale_options)
+    cale_use_torch_headers(train_${agent})
+    set_property(GLOBAL APPEND PROPERTY CALE_PROGRAMS train_${agent})
+endfunction()

@@ -45,7 +45,7 @@ RunState from_json(const nlohmann::json& json) {
 
 }  // namespace
 
-fs::path save_checkpoint(const fs::path& run_dir, const Agent& agent, const RunState& state, bool save_replay,
+fs::path save_checkpoint(const fs::path& run_dir, Agent& agent, const RunState& state, bool save_replay,
                          std::int64_t keep) {
     const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", state.step);
     const fs::path partial = folder.string() + ".partial";

@@ -36,7 +36,7 @@ struct ResumeError : std::runtime_error {
 /// Writes a checkpoint and deletes all but the newest `keep`. Returns its folder.
 /// Throws std::runtime_error, naming the file, where the disk refuses; the checkpoints
 /// before are untouched then.
-std::filesystem::path save_checkpoint(const std::filesystem::path& run_dir, const Agent& agent,
+std::filesystem::path save_checkpoint(const std::filesystem::path& run_dir, Agent& agent,
                                       const RunState& state, bool save_replay, std::int64_t keep);
 
 /// The complete checkpoints of a run, oldest first.

@@ -145,6 +145,14 @@ void write_metadata(const fs::path& run_dir, const Program& program, const Game&
     write_file_atomically(run_dir / "metadata.json", metadata.dump(2) + "\n");
 }
 
+std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec) {
+    try {
+        return program.make_agent(spec);
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+}
+
 int run(const Program& program, int argc, const char* const* argv) {
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
     if (line.finished) return kDone;
@@ -169,17 +177,17 @@ int run(const Program& program, int argc, const char* const* argv) {
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const fs::path run_dir = choose_run_dir(line, program, *game);
-    if (line.resume) {
-        refuse_other_configuration(program, run_dir);
-    } else {
-        create_run_dir(run_dir);
-    }
+    if (line.resume) refuse_other_configuration(program, run_dir);
 
     AgentSpec spec;
     spec.num_envs = program.env.num_envs;
+    if (program.env.action_space != ActionSpace::continuous)
+        spec.num_actions = static_cast<std::int64_t>(Env(program.env, /*seed=*/0).actions().size());
+    spec.total_steps = program.train.total_steps;
     spec.seed = static_cast<std::uint64_t>(program.train.seed);
     spec.device = device;
-    const std::unique_ptr<Agent> agent = program.make_agent(spec);
+    const std::unique_ptr<Agent> agent = make_agent(program, spec);
+    if (!line.resume) create_run_dir(run_dir);
 
     write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
     if (!line.resume) write_metadata(run_dir, program, *game, rom, device, threads, argc, argv);
@@ -191,9 +199,10 @@ int run(const Program& program, int argc, const char* const* argv) {
     options.agent_name = program.agent_name;
     options.header = {
         {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
-        {"protocol", fmt::format("sticky {}, life loss {}, threshold {}", program.env.sticky_probability,
-                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter",
-                                 program.env.threshold)},
+        {"protocol", fmt::format("sticky {}, life loss {}", program.env.sticky_probability,
+                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
+        {"actions", spec.num_actions > 0 ? fmt::format("{} joystick events", spec.num_actions)
+                                         : fmt::format("continuous, threshold {}", program.env.threshold)},
         {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
                                     grouped(program.train.total_steps * program.env.frame_skip))},
         {"environments", fmt::format("{}", program.env.num_envs)},

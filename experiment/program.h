@@ -29,12 +29,14 @@ struct Program {
 /// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
 int run_program(const Program& program, int argc, const char* const* argv);
 
-/// The main() of a training program in one call.
+/// The main() of a training program in one call. AgentConfig::kActionSpace is the action space that the
+/// environment has unless told otherwise.
 template <class AgentConfig>
 int run_program(const std::string& agent_name, const std::string& description,
                 std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
                 const char* const* argv) {
     RunConfig<AgentConfig> config;
+    config.env.action_space = AgentConfig::kActionSpace;
     ConfigTable table;
     table.add("env", config.env);
     table.add("agent", config.agent);

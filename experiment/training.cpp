@@ -212,7 +212,7 @@ class Run {
         std::vector<Episode> ended;
         while (state_.step < config_.total_steps && !stop_requested) {
             const std::int64_t before = state_.step;
-            agent_.update();
+            agent_.update(games.observations());
             games.play(agent_.act(games.observations(), ActMode::train), agent_, state_, ended);
             for (const auto& episode : ended) record(episode);
             ended.clear();

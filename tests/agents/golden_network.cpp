@@ -104,4 +104,86 @@ void expect_summary(const torch::Tensor& actual, const YAML::Node& summary, cons
     EXPECT_LE(error, entry_tolerance * std::max(largest(first4), rms) + 1e-15) << label << "first4";
 }
 
+Tensors parameters(const torch::nn::Module& module) {
+    Tensors copies;
+    for (const auto& parameter : module.named_parameters())
+        copies[parameter.key()] = parameter.value().detach().clone();
+    return copies;
+}
+
+Tensors gradients(const torch::nn::Module& module) {
+    Tensors copies;
+    for (const auto& parameter : module.named_parameters())
+        copies[parameter.key()] = parameter.value().grad().clone();
+    return copies;
+}
+
+NetworkCase::NetworkCase(const std::string& file_name, torch::Dtype type)
+    : file(load(file_name)),
+      name(file["case"].as<std::string>()),
+      dtype(type),
+      tolerance(tolerances(type)),
+      batch_size(file["hyper"]["batch"].as<std::int64_t>()) {}
+
+double NetworkCase::hyper(const std::string& key) const {
+    return file["hyper"][key].as<double>();
+}
+
+torch::Tensor NetworkCase::input(const std::string& key) const {
+    return tensor(file["inputs"][key]).to(dtype);
+}
+
+torch::Tensor NetworkCase::actions() const {
+    const auto echoed = tensor(file["inputs"]["action"]).to(torch::kInt64);
+    const auto hashed =
+        (uniforms(name, "action", {batch_size}) * hyper("num_actions")).floor().to(torch::kInt64);
+    EXPECT_TRUE(torch::equal(hashed, echoed)) << "the hashed actions";
+    return echoed;
+}
+
+torch::Tensor NetworkCase::discount() const {
+    return hyper("cumulative_gamma") * (1 - input("terminal"));
+}
+
+void NetworkCase::expect(const torch::Tensor& actual, const YAML::Node& node, const std::string& key,
+                         double relative) const {
+    expect_close(actual, tensor(node[key]), relative, key);
+}
+
+namespace {
+
+void expect_summaries(const NetworkCase& c, const Tensors& values, const std::string& node,
+                      const std::string& prefix, double l2, double entries) {
+    const auto summaries = c.file[node];
+    ASSERT_EQ(values.size(), summaries.size());
+    for (const auto& [name, value] : values)
+        expect_summary(value, summaries[name], prefix, c.name, name, l2, entries, node);
+}
+
+}  // namespace
+
+void NetworkCase::expect_gradients(const torch::nn::Module& module) const {
+    expect_summaries(*this, gradients(module), "grad", "", tolerance.grad_l2, tolerance.grad_entries);
+}
+
+void NetworkCase::expect_moved(const torch::nn::Module& module, const Tensors& initial,
+                               const std::string& node) const {
+    if (!file[node]) return;
+    auto deltas = parameters(module);
+    for (auto& [parameter, value] : deltas) value -= initial.at(parameter);
+    expect_summaries(*this, deltas, node, "delta_", tolerance.delta_l2, tolerance.delta_entries);
+}
+
+std::vector<FileAndType> files_and_types(std::string_view kind) {
+    std::vector<FileAndType> pairs;
+    for (const auto& file : files_of_kind(kind))
+        for (const auto type : {torch::kFloat32, torch::kFloat64}) pairs.emplace_back(file, type);
+    return pairs;
+}
+
+std::string name_of(const ::testing::TestParamInfo<FileAndType>& chosen) {
+    const auto& [file, type] = chosen.param;
+    return file.substr(0, file.find('.')) + (type == torch::kFloat64 ? "_float64" : "_float32");
+}
+
 }  // namespace golden

@@ -3,8 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
+#include <string_view>
+#include <tuple>
+#include <vector>
 
+#include <gtest/gtest.h>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 #include <yaml-cpp/yaml.h>
@@ -38,5 +43,38 @@ void expect_close(const torch::Tensor& actual, const torch::Tensor& expected, do
 void expect_summary(const torch::Tensor& actual, const YAML::Node& summary, const std::string& prefix,
                     const std::string& case_name, const std::string& name, double l2_tolerance,
                     double entry_tolerance, const std::string& what);
+
+using Tensors = std::map<std::string, torch::Tensor>;
+/// Copies of a module's parameters, and of their gradients, by name.
+Tensors parameters(const torch::nn::Module& module);
+Tensors gradients(const torch::nn::Module& module);
+
+/// One case file in one floating-point type, as every agent's golden test has it.
+struct NetworkCase {
+    NetworkCase(const std::string& file_name, torch::Dtype dtype);
+
+    YAML::Node file;
+    std::string name;
+    torch::Dtype dtype;
+    Tolerances tolerance;
+    std::int64_t batch_size;
+
+    double hyper(const std::string& key) const;
+    /// `inputs` of this key, or any other node, in the case's type.
+    torch::Tensor input(const std::string& key) const;
+    torch::Tensor actions() const;  // of `inputs`, int64; checked against the hash
+    torch::Tensor discount() const;
+
+    void expect(const torch::Tensor& actual, const YAML::Node& node, const std::string& key,
+                double tolerance) const;
+    void expect_gradients(const torch::nn::Module& module) const;
+    /// `node` is params_after1 and so on; nothing happens where the file lacks it.
+    void expect_moved(const torch::nn::Module& module, const Tensors& initial, const std::string& node) const;
+};
+
+/// Every file of these kinds in float32 and float64, and the name of such a pair.
+using FileAndType = std::tuple<std::string, torch::Dtype>;
+std::vector<FileAndType> files_and_types(std::string_view kind);
+std::string name_of(const ::testing::TestParamInfo<FileAndType>& chosen);
 
 }  // namespace golden

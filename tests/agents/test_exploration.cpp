@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "agents/schedules.h"
+#include "agents/exploration.h"
 #include "support/golden.h"
 
 namespace {

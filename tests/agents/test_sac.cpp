@@ -34,12 +34,12 @@ AgentSpec small_world(std::int64_t num_envs = 1, std::uint64_t seed = 1) {
 
 SacConfig small_agent() {
     SacConfig config;
-    config.encoder = EncoderKind::phi_dqn;
-    config.hidden_units = 16;
-    config.min_replay = 20;
-    config.update_period = 1;
-    config.replay_capacity = 1000;
-    config.batch_size = 8;
+    config.network.encoder = EncoderKind::phi_dqn;
+    config.network.hidden_units = 16;
+    config.replay.min_replay = 20;
+    config.replay.update_period = 1;
+    config.replay.replay_capacity = 1000;
+    config.replay.batch_size = 8;
     return config;
 }
 
@@ -51,7 +51,7 @@ torch::Tensor noise_frames(std::int64_t count, std::uint64_t seed) {
 void drive(Agent& agent, const AgentSpec& spec, std::int64_t first_step, std::int64_t steps) {
     for (std::int64_t step = first_step; step < first_step + steps; ++step) {
         const auto observations = noise_frames(spec.num_envs, static_cast<std::uint64_t>(step));
-        agent.update();
+        agent.update(observations);
         const auto actions = agent.act(observations, ActMode::train);
         const auto newest = observations.select(1, 1).contiguous();
         std::vector<StepResult> results(static_cast<std::size_t>(spec.num_envs));
@@ -70,7 +70,7 @@ void expect_equal(const TensorMap& first, const TensorMap& second) {
     for (const auto& [name, tensor] : first) EXPECT_TRUE(torch::equal(tensor, second.at(name))) << name;
 }
 
-double updates_of(const Agent& agent) {
+double updates_of(Agent& agent) {
     return agent.state().at("adam/steps").item<double>();
 }
 
@@ -94,7 +94,7 @@ TEST(SacNetwork, ParameterCountsOfTheReference) {
 
 TEST(SacNetwork, ActorsAndCriticsParametersMakeUpTheWhole) {
     const auto network = make_network({.frame_height = kSide, .frame_width = kSide});
-    const auto actor = network->actor_parameters(), critic = network->critic_parameters();
+    const auto actor = actor_parameters(*network), critic = critic_parameters(*network);
     EXPECT_EQ(actor.size() + critic.size(), network->parameters().size());
     EXPECT_EQ(actor.size(), 8u);  // actor_fc, actor_ln, fc1, out: weight and bias each
 }
@@ -136,7 +136,7 @@ TEST(SacLosses, TargetOfASampledActionIsTheOnlineActorsAsInSac) {
     const auto next = sample(p.network->policy(p.network->encoder->trunk(p.batch.next_observation)),
                              p.noise.target, p.network->box);
     const auto z = p.target->encoder->critic_branch(p.target->encoder->trunk(p.batch.next_observation));
-    const auto value = p.target->critic(z, next.action).minimum() - std::exp(0.3) * next.log_prob;
+    const auto value = p.target->values(z, next.action).minimum() - std::exp(0.3) * next.log_prob;
     const auto expected =
         0.1 * p.batch.n_step_return.to(torch::kFloat64) + p.batch.discount.to(torch::kFloat64) * value;
     EXPECT_TRUE(torch::allclose(p.losses().target_values, expected));
@@ -238,9 +238,9 @@ TEST(Sac, SamplesItsPolicyOnceWarmAndActsOnItsMeanInEvaluation) {
 TEST(Sac, EpsilonGreedyActsUniformlyWithProbabilityEpsilon) {
     auto config = small_agent();
     config.exploration = Exploration::epsilon_greedy;
-    config.epsilon_train = 0.25;
-    config.epsilon_eval = 0.5;
-    config.epsilon_decay_period = 1;
+    config.epsilon.epsilon_train = 0.25;
+    config.epsilon.epsilon_eval = 0.5;
+    config.epsilon.epsilon_decay_period = 1;
     const auto spec = small_world();
     const auto agent = make_sac(config, spec);
     drive(*agent, spec, 0, 40);
@@ -257,8 +257,8 @@ TEST(Sac, EpsilonGreedyActsUniformlyWithProbabilityEpsilon) {
 TEST(Sac, EpsilonIsOneDuringTheWarmUp) {
     auto config = small_agent();
     config.exploration = Exploration::epsilon_greedy;
-    config.epsilon_train = 0;
-    config.epsilon_decay_period = 10;
+    config.epsilon.epsilon_train = 0;
+    config.epsilon.epsilon_decay_period = 10;
     const auto spec = small_world();
     const auto agent = make_sac(config, spec);
     EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 1);
@@ -288,7 +288,7 @@ TEST(Sac, EvaluationLeavesTrainingAsItIs) {
 
 TEST(Sac, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
     auto config = small_agent();
-    config.update_period = 4;
+    config.replay.update_period = 4;
     const auto spec = small_world();
     const auto agent = make_sac(config, spec);
     drive(*agent, spec, 0, 21);  // 21 stored: more than 20 for the first time
@@ -304,8 +304,8 @@ TEST(Sac, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
 TEST(Sac, SeveralEnvironmentsKeepTheUpdatesPerAgentStep) {
     for (const auto& [num_envs, period, expected] : {std::tuple{8, 4, 40}, {3, 4, 15}, {2, 1, 40}}) {
         auto config = small_agent();
-        config.min_replay = 0;
-        config.update_period = period;
+        config.replay.min_replay = 0;
+        config.replay.update_period = period;
         const auto spec = small_world(num_envs);
         const auto agent = make_sac(config, spec);
         drive(*agent, spec, 0, 5);  // until something is stored
@@ -335,7 +335,7 @@ TEST(Sac, RewardsAreClippedWhenStored) {
     const auto spec = small_world();
     const auto trained_with = [&](std::optional<double> clip) {
         auto config = small_agent();
-        config.reward_clip = clip;
+        config.replay.reward_clip = clip;
         const auto agent = make_sac(config, spec);
         drive(*agent, spec, 0, 30);  // rewards 0, 1, 2
         return agent->state();
@@ -367,8 +367,8 @@ std::filesystem::path memory_file() {
 TEST(Sac, ARestoredAgentGoesOnAsTheOriginal) {
     auto config = small_agent();
     config.exploration = Exploration::epsilon_greedy;
-    config.epsilon_decay_period = 50;
-    config.update_horizon = 3;
+    config.epsilon.epsilon_decay_period = 50;
+    config.replay.update_horizon = 3;
     const auto spec = small_world(2);
     const auto memory = memory_file();
     const auto original = make_sac(config, spec);
@@ -394,7 +394,7 @@ TEST(Sac, AfterARestoreNoTransitionJoinsTheOldGameWithTheNew) {
     const auto path = memory_file();
     const auto transitions_of = [&](const Agent& agent) {
         agent.save_memory(path);
-        ReplayBuffer replay({.capacity = small_agent().replay_capacity,
+        ReplayBuffer replay({.capacity = small_agent().replay.replay_capacity,
                              .stack = spec.stack,
                              .frame_height = kSide,
                              .frame_width = kSide});
@@ -438,7 +438,7 @@ TEST(Sac, AStateThatDoesNotFitIsRefusedAndNothingChanges) {
     };
     EXPECT_THAT(message(lacking), testing::HasSubstr("target/actor.out.bias"));
     auto wider = small_agent();
-    wider.hidden_units = 17;
+    wider.network.hidden_units = 17;
     const auto other = make_sac(wider, small_world(1, 2))->state();
     EXPECT_THAT(message(other), testing::HasSubstr("another shape"));
     auto garbled = own;
@@ -539,19 +539,19 @@ double success(const std::vector<StepResult>& results) {
 TEST(Sac, LearnsToPushTheJoystickWhereTheFrameSays) {
     at::set_num_threads(1);
     auto config = small_agent();
-    config.hidden_units = 64;
-    config.min_replay = 200;
-    config.update_period = 8;
-    config.batch_size = 32;
-    config.replay_capacity = 20'000;
+    config.network.hidden_units = 64;
+    config.replay.min_replay = 200;
+    config.replay.update_period = 8;
+    config.replay.batch_size = 32;
+    config.replay.replay_capacity = 20'000;
     config.learning_rate = 1e-3;
-    config.reward_scale = 10;  // so that the reward outweighs the entropy from the start
+    config.replay.reward_scale = 10;  // so that the reward outweighs the entropy from the start
     config.tau = 0.02;
     const auto spec = small_world(8);
     const auto agent = make_sac(config, spec);
     Quarters world{.num_envs = 8};
     for (int step = 0; step < 600; ++step) {
-        agent->update();
+        agent->update({});
         const auto observations = world.show();
         const auto actions = agent->act(observations, ActMode::train);
         const auto results = world.judge(actions);

@@ -1,6 +1,5 @@
 // SAC against the numbers of Dopamine's sac_agent.train.
 #include <cmath>
-#include <map>
 #include <numbers>
 
 #include <gtest/gtest.h>
@@ -14,43 +13,34 @@
 namespace cale {
 namespace {
 
-struct Case {
-    YAML::Node file;
-    std::string name;
-    std::int64_t batch_size = 0;
+struct Case : golden::NetworkCase {
     SacConfig config;
-    torch::Dtype dtype = torch::kFloat32;
+
+    Case(const std::string& file_name, torch::Dtype type) : NetworkCase(file_name, type) {
+        const auto hyper_node = file["hyper"];
+        const bool phi_sac = hyper_node["encoder"].as<std::string>() == "SAC";
+        config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
+        config.network.hidden_units = hyper_node["hidden_units"].as<std::int64_t>();
+        if (hyper_node["hidden_layers"])
+            config.network.hidden_layers = hyper_node["hidden_layers"].as<std::int64_t>();
+        config.replay.reward_scale = hyper("reward_scale");
+        config.target_entropy = hyper("target_entropy");
+        config.learning_rate = hyper("lr");
+        config.adam_epsilon = hyper("adam_eps");
+        config.tau = hyper("tau");
+    }
 };
 
-Case read_case(const std::string& file_name, torch::Dtype dtype) {
-    Case c;
-    c.file = golden::load(file_name);
-    c.name = c.file["case"].as<std::string>();
-    c.dtype = dtype;
-    const auto hyper = c.file["hyper"];
-    c.batch_size = hyper["batch"].as<std::int64_t>();
-    const auto encoder = hyper["encoder"].as<std::string>();
-    c.config.encoder = encoder == "SAC" ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
-    c.config.hidden_units = hyper["hidden_units"].as<std::int64_t>();
-    if (hyper["hidden_layers"]) c.config.hidden_layers = hyper["hidden_layers"].as<std::int64_t>();
-    c.config.reward_scale = hyper["reward_scale"].as<double>();
-    c.config.target_entropy = hyper["target_entropy"].as<double>();
-    c.config.learning_rate = hyper["lr"].as<double>();
-    c.config.adam_epsilon = hyper["adam_eps"].as<double>();
-    c.config.tau = hyper["tau"].as<double>();
-    return c;
-}
-
 SacNetwork make_network(const Case& c, const std::string& weights_case) {
-    SacNetwork network(EncoderConfig{.encoder = c.config.encoder},
-                       HeadConfig{c.config.hidden_layers, c.config.hidden_units}, make_generator(1));
+    SacNetwork network(EncoderConfig{.encoder = c.config.network.encoder}, c.config.network.head(),
+                       make_generator(1));
     golden::load_weights(*network, c.file, weights_case);
     network->to(c.dtype);
     return network;
 }
 
 SacLearner make_learner(const Case& c) {
-    auto log_alpha = torch::full({1}, c.file["hyper"]["log_alpha0"].as<double>(), c.dtype).requires_grad_();
+    auto log_alpha = torch::full({1}, c.hyper("log_alpha0"), c.dtype).requires_grad_();
     return {make_network(c, c.name), make_network(c, c.name + "/target"), log_alpha, c.config};
 }
 
@@ -64,9 +54,8 @@ Batch make_batch(const Case& c) {
     batch.action =
         torch::stack({u.select(1, 0), -pi + 2 * pi * u.select(1, 1), u.select(1, 2)}, 1).to(torch::kFloat32);
     golden::expect_close(batch.action, golden::tensor(c.file["inputs"]["action"]), 1e-6, "the hashed action");
-    batch.n_step_return = golden::tensor(c.file["inputs"]["reward"]).to(c.dtype);
-    const auto terminal = golden::tensor(c.file["inputs"]["terminal"]);
-    batch.discount = (c.file["hyper"]["cumulative_gamma"].as<double>() * (1 - terminal)).to(c.dtype);
+    batch.n_step_return = c.input("reward");
+    batch.discount = c.discount();
     return batch;
 }
 
@@ -75,41 +64,9 @@ SacNoise noise_of(const Case& c, int step) {
     return {golden::tensor(node["eps_target"]).to(c.dtype), golden::tensor(node["eps_actor"]).to(c.dtype)};
 }
 
-using Tensors = std::map<std::string, torch::Tensor>;
-
-Tensors parameters(const SacNetwork& network) {
-    Tensors copies;
-    for (const auto& parameter : network->named_parameters())
-        copies[parameter.key()] = parameter.value().detach().clone();
-    return copies;
-}
-
-Tensors gradients(const SacNetwork& network) {
-    Tensors copies;
-    for (const auto& parameter : network->named_parameters())
-        copies[parameter.key()] = parameter.value().grad().clone();
-    return copies;
-}
-
-class SacGolden : public ::testing::TestWithParam<std::tuple<std::string, torch::Dtype>> {
+class SacGolden : public ::testing::TestWithParam<golden::FileAndType> {
   protected:
-    Case c = read_case(std::get<0>(GetParam()), std::get<1>(GetParam()));
-    golden::Tolerances tolerance = golden::tolerances(c.dtype);
-
-    void expect_summaries(const Tensors& values, const YAML::Node& summaries, const std::string& prefix,
-                          double l2_tolerance, double entry_tolerance, const std::string& what) {
-        ASSERT_EQ(values.size(), summaries.size());
-        for (const auto& [name, value] : values) {
-            golden::expect_summary(value, summaries[name], prefix, c.name, name, l2_tolerance,
-                                   entry_tolerance, what);
-        }
-    }
-
-    void expect_moved(const SacNetwork& network, const Tensors& initial, const std::string& node) {
-        auto deltas = parameters(network);
-        for (auto& [name, value] : deltas) value -= initial.at(name);
-        expect_summaries(deltas, c.file[node], "delta_", tolerance.delta_l2, tolerance.delta_entries, node);
-    }
+    Case c{std::get<0>(GetParam()), std::get<1>(GetParam())};
 };
 
 TEST_P(SacGolden, Forward) {
@@ -118,7 +75,7 @@ TEST_P(SacGolden, Forward) {
     const auto noise = noise_of(c, 0);
     const auto action = batch.action.to(c.dtype);
     const auto expect = [&](const torch::Tensor& actual, const YAML::Node& node, const std::string& what) {
-        golden::expect_close(actual, golden::tensor(node[what]), tolerance.forward, what);
+        golden::expect_close(actual, golden::tensor(node[what]), c.tolerance.forward, what);
     };
     const auto expect_policy = [&](SacNetwork& network, const torch::Tensor& features,
                                    const torch::Tensor& eps, const YAML::Node& node) {
@@ -135,12 +92,12 @@ TEST_P(SacGolden, Forward) {
     const auto online = c.file["forward"]["online"];
     const auto features = learner.network->encoder->trunk(batch.observation);
     const auto critic_z = learner.network->encoder->critic_branch(features);
-    const auto q = learner.network->critic(critic_z, action);
+    const auto q = learner.network->values(critic_z, action);
     expect_policy(learner.network, features, noise.actor, online);
     expect(q.q1, online, "q1");
     expect(q.q2, online, "q2");
     const auto own = sample(learner.network->policy(features), noise.actor, learner.network->box);
-    const auto q_pi = learner.network->critic(critic_z, own.action);
+    const auto q_pi = learner.network->values(critic_z, own.action);
     expect(q_pi.q1, online, "q1_pi");
     expect(q_pi.q2, online, "q2_pi");
 
@@ -148,7 +105,7 @@ TEST_P(SacGolden, Forward) {
     const auto next_features = learner.target->encoder->trunk(batch.next_observation);
     expect_policy(learner.target, next_features, noise.target, target);
     const auto mean = mean_action(learner.target->policy(next_features), learner.target->box);
-    const auto next_q = learner.target->critic(learner.target->encoder->critic_branch(next_features), mean);
+    const auto next_q = learner.target->values(learner.target->encoder->critic_branch(next_features), mean);
     expect(next_q.q1, target, "q1_mean_action");
     expect(next_q.q2, target, "q2_mean_action");
     const auto losses =
@@ -159,12 +116,12 @@ TEST_P(SacGolden, Forward) {
 TEST_P(SacGolden, ThreeUpdates) {
     auto learner = make_learner(c);
     const auto batch = make_batch(c);
-    const auto initial = parameters(learner.network);
-    const auto initial_target = parameters(learner.target);
+    const auto initial = golden::parameters(*learner.network);
+    const auto initial_target = golden::parameters(*learner.target);
     const auto steps = c.file["steps"];
     for (int step = 0; step < static_cast<int>(steps.size()); ++step) {
         const auto losses = sac_update(learner, batch, noise_of(c, step), c.config);
-        const double loss_tolerance = step == 0 ? tolerance.loss_first : tolerance.loss_later;
+        const double loss_tolerance = step == 0 ? c.tolerance.loss_first : c.tolerance.loss_later;
         const auto expect = [&](const torch::Tensor& actual, const std::string& key) {
             golden::expect_close(actual, golden::tensor(steps[step][key]), loss_tolerance,
                                  key + " of step " + std::to_string(step + 1));
@@ -176,24 +133,16 @@ TEST_P(SacGolden, ThreeUpdates) {
         if (step == 0) {
             golden::expect_close(learner.log_alpha.grad(), golden::tensor(c.file["grad_log_alpha"]),
                                  loss_tolerance, "grad_log_alpha");
-            expect_summaries(gradients(learner.network), c.file["grad"], "", tolerance.grad_l2,
-                             tolerance.grad_entries, "the gradient");
+            c.expect_gradients(*learner.network);
         }
-        const auto after = std::to_string(step + 1);
-        if (c.file["params_after" + after]) expect_moved(learner.network, initial, "params_after" + after);
-        if (c.file["target_after" + after])
-            expect_moved(learner.target, initial_target, "target_after" + after);
+        const auto after = "_after" + std::to_string(step + 1);
+        c.expect_moved(*learner.network, initial, "params" + after);
+        c.expect_moved(*learner.target, initial_target, "target" + after);
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Files, SacGolden,
-                         ::testing::Combine(::testing::ValuesIn(golden::files_of_kind("sac")),
-                                            ::testing::Values(torch::kFloat32, torch::kFloat64)),
-                         [](const auto& chosen) {
-                             const auto file = std::get<0>(chosen.param);
-                             const bool sharp = std::get<1>(chosen.param) == torch::kFloat64;
-                             return file.substr(0, file.find('.')) + (sharp ? "_float64" : "_float32");
-                         });
+INSTANTIATE_TEST_SUITE_P(Files, SacGolden, ::testing::ValuesIn(golden::files_and_types("sac")),
+                         golden::name_of);
 
 }  // namespace
 }  // namespace cale

@@ -53,12 +53,12 @@ class ScribeAgent : public Agent {
         for (const auto& result : experiences.results) rewards += result.reward;
         if (steps == interrupt_at) raise(SIGINT);
     }
-    bool update() override {
+    bool update(const torch::Tensor&) override {
         calls += 'u';
         return false;
     }
     std::map<std::string, double> metrics() override { return {{"losses/qf_loss", loss}}; }
-    TensorMap state() const override { return {{"steps", torch::tensor(steps)}}; }
+    TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
     void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
     void save_memory(const std::string& path) const override { write_file_atomically(path, "memory"); }
     void load_memory(const std::string& path) override { memory = read_file(path); }
@@ -201,12 +201,12 @@ TEST_F(TrainingEmulator, ADamagedCheckpointIsNamed) {
 TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
     at::set_num_threads(1);
     SacConfig config;
-    config.encoder = EncoderKind::phi_dqn;
-    config.hidden_units = 16;
-    config.min_replay = 30;
-    config.update_period = 8;
-    config.batch_size = 4;
-    config.replay_capacity = 1000;
+    config.network.encoder = EncoderKind::phi_dqn;
+    config.network.hidden_units = 16;
+    config.replay.min_replay = 30;
+    config.replay.update_period = 8;
+    config.replay.batch_size = 4;
+    config.replay.replay_capacity = 1000;
     train_config.total_steps = 260;
     eval.episodes = 0;
 
