@@ -1,0 +1,164 @@
+#include "agents/dqn.h"
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+
+#include <torch/torch.h>
+
+#include "agents/random.h"
+#include "agents/state.h"
+#include "networks/shapes.h"
+
+namespace cale {
+
+// Constants ---------------------------------------------------------------------------
+
+namespace {
+
+enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kEvaluation };
+
+}  // namespace
+
+std::span<const std::string_view> names_of(ValueLoss) {
+    static constexpr std::array<std::string_view, 2> names{"mse", "huber"};
+    return names;
+}
+
+// Loss --------------------------------------------------------------------------------
+
+DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, const DqnConfig& config) {
+    const auto size = batch.observation.size(0);
+    require_shape("dqn_losses", "the action", batch.action, {size});
+    require_shape("dqn_losses", "the n-step return", batch.n_step_return, {size});
+    require_shape("dqn_losses", "the discount", batch.discount, {size});
+    require_shape("dqn_losses", "the next observation", batch.next_observation, batch.observation.sizes());
+
+    const auto all_values = network(batch.observation).squeeze(2);
+    const auto q = values_of(all_values, batch.action);
+
+    torch::Tensor y;  // DQN's equation 2
+    {
+        const torch::NoGradGuard no_grad;
+        const auto next = target(batch.next_observation).squeeze(2);
+        const auto chosen = (config.double_dqn ? network(batch.next_observation).squeeze(2) : next).argmax(1);
+        y = config.replay.reward_scale * batch.n_step_return.to(q.dtype()) +
+            batch.discount.to(q.dtype()) * values_of(next, chosen);
+    }
+    const auto loss = config.loss == ValueLoss::huber ? at::huber_loss(q, y) : at::mse_loss(q, y);
+    return {loss, q.detach(), y};
+}
+
+DqnLearner::DqnLearner(QNetwork network_, QNetwork target_, const DqnConfig& config)
+    : network(std::move(network_)),
+      target(std::move(target_)),
+      adam(network->parameters(), {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}) {}
+
+DqnLosses dqn_update(DqnLearner& learner, const Batch& batch, const DqnConfig& config) {
+    learner.adam.zero_grad();
+    auto losses = dqn_losses(learner.network, learner.target, batch, config);
+    losses.loss.backward();
+    learner.adam.step();
+    losses.loss = losses.loss.detach();
+    return losses;
+}
+
+// Agent -------------------------------------------------------------------------------
+
+namespace {
+
+DqnLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
+    const auto make_network = [&] {
+        QNetwork network(EncoderConfig{.encoder = config.encoder,
+                                       .stack = spec.stack,
+                                       .frame_height = spec.frame_height,
+                                       .frame_width = spec.frame_width},
+                         QHeadConfig{.num_actions = spec.num_actions,
+                                     .hidden_units = config.hidden_units,
+                                     .dueling = config.dueling},
+                         make_generator(stream_seed(spec.seed, kInitialValues)));
+        network->to(spec.device);
+        return network;
+    };
+    // The same seed makes the same network twice: the target starts equal to it.
+    return {make_network(), make_network(), config};
+}
+
+class Dqn final : public Agent {
+  public:
+    Dqn(const DqnConfig& config, const AgentSpec& spec)
+        : config_(config),
+          spec_(spec),
+          learner_(make_learner(config, spec)),
+          memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
+          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        const torch::NoGradGuard no_grad;
+        const bool training = mode == ActMode::train;
+        const auto epsilon = training ? memory_.epsilon(config_.epsilon) : config_.epsilon.epsilon_eval;
+        auto& random = training ? acting_random_ : evaluation_random_;
+        const auto greedy = epsilon >= 1
+                                ? torch::zeros({observations.size(0)}, torch::kInt64)
+                                : learner_.network(observations.to(spec_.device)).squeeze(2).argmax(1);
+        return epsilon_greedy(greedy.cpu(), epsilon, spec_.num_actions, random);
+    }
+
+    void observe(const Experiences& seen) override { memory_.store(seen); }
+
+    bool update(const torch::Tensor&) override {
+        const auto decisions = memory_.next_decisions();
+        if (!memory_.warm()) return false;
+        const auto updates = decisions.multiples_of(config_.replay.update_period);
+        for (std::int64_t i = 0; i < updates; ++i) newest_ = dqn_update(learner_, memory_.sample(), config_);
+        if (decisions.multiples_of(config_.target_update_period) > 0)
+            hard_update(learner_.target->parameters(), learner_.network->parameters());
+        return updates > 0;
+    }
+
+    std::map<std::string, double> metrics() override {
+        std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()},
+                                             {"charts/epsilon", memory_.epsilon(config_.epsilon)}};
+        if (!newest_.loss.defined()) return values;
+        values["losses/td_loss"] = newest_.loss.item<double>();
+        values["losses/q_values"] = newest_.q.mean().item<double>();
+        return values;
+    }
+
+    TensorMap state() override { return saved(parts()); }
+    void load_state(const TensorMap& state) override {
+        restore(parts(), state);
+        newest_ = {};
+    }
+    void save_memory(const std::string& path) const override { memory_.save(path); }
+    void load_memory(const std::string& path) override { memory_.load(path); }
+
+  private:
+    StateParts parts() {
+        StateParts parts;
+        parts.add("network/", *learner_.network);
+        parts.add("target/", *learner_.target);
+        parts.add("adam/", learner_.adam.state());
+        parts.generators["random/acting"] = &acting_random_;
+        parts.generators["random/evaluation"] = &evaluation_random_;
+        memory_.add_state(parts);
+        return parts;
+    }
+
+    DqnConfig config_;
+    AgentSpec spec_;
+    DqnLearner learner_;
+    ReplayMemory memory_;
+    at::Generator acting_random_, evaluation_random_;
+    DqnLosses newest_;
+};
+
+}  // namespace
+
+std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
+    require_discrete("DQN", spec);
+    return std::make_unique<Dqn>(config, spec);
+}
+
+}  // namespace cale
