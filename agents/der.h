@@ -1,0 +1,117 @@
+// Data-efficient Rainbow, each of whose components is an option: with the settings of 200 million
+// frames it is Rainbow, with all of them off it is DQN.
+//   Hessel et al. 2018, "Rainbow: Combining Improvements in Deep Reinforcement Learning"
+//   van Hasselt et al. 2019, "When to use parametric models in reinforcement learning?" (DER)
+//   Bellemare et al. 2017, "A Distributional Perspective on Reinforcement Learning" (C51 below)
+//   Schaul et al. 2016, "Prioritized Experience Replay" (PER below)
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include <torch/types.h>
+
+#include "agents/agent.h"
+#include "agents/exploration.h"
+#include "agents/replay_memory.h"
+#include "cale/fields.h"
+#include "networks/adam.h"
+#include "networks/q_network.h"
+
+namespace cale {
+
+/// The defaults are Dopamine's for 100,000 agent steps.
+struct DerConfig {
+    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+
+    EncoderKind encoder = EncoderKind::phi_dqn;
+    std::int64_t hidden_units = 512;
+    bool distributional = true;
+    std::int64_t num_atoms = 51;
+    double value_limit = 10;
+    bool dueling = true;
+    bool double_dqn = true;
+    bool noisy = true;
+    double noisy_sigma = 0.1;
+    bool prioritised = true;
+    double priority_exponent = 0.5;
+    double importance_exponent = 0.5;
+    ReplaySettings replay{.update_horizon = 10, .min_replay = 1'600, .update_period = 1, .reward_clip = 1};
+    std::int64_t target_update_period = 2'000;
+    EpsilonSettings epsilon{.epsilon_decay_period = 2'000};
+    double learning_rate = 1e-4;
+    double adam_epsilon = 1.5e-4;
+};
+
+template <class Visit>
+void fields(DerConfig& config, Visit&& visit) {
+    visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of the hidden layer");
+    visit("distributional", config.distributional,
+          "learn the return's distribution (C51); off: its mean, by squared error");
+    visit("num_atoms", config.num_atoms, Range{2, 10'000}, "returns that a distribution is made of");
+    visit("value_limit", config.value_limit, Range{1e-6, 1e9}, "atoms lie between plus and minus this");
+    visit("dueling", config.dueling, "a state's value and the actions' advantages apart");
+    visit("double_dqn", config.double_dqn, "the online network chooses the action that the target values");
+    visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
+    visit("noisy_sigma", config.noisy_sigma, Range{0, 10}, "initial noise of a weight, times sqrt(inputs)");
+    visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
+    visit("priority_exponent", config.priority_exponent, Range{0, 10},
+          "alpha of the priorities: loss to this power");
+    visit("importance_exponent", config.importance_exponent, Range{0, 10},
+          "beta of the importance weights: probability to minus this power, over the batch's largest");
+    fields(config.replay, visit);
+    visit("target_update_period", config.target_update_period, Range{1, 1e9},
+          "agent steps between copies of the network to the target");
+    fields(config.epsilon, visit);
+    visit("learning_rate", config.learning_rate, Range{0, 1}, "Adam's learning rate");
+    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+}
+
+/// The returns that `num_atoms` atoms stand for: evenly from -limit to limit, [atoms].
+torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
+
+/// C51's projection (its algorithm 1): a distribution [B, atoms] over the returns `returns` [B, atoms] as
+/// one over `support` [atoms].
+torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
+                                   const torch::Tensor& support);
+
+/// PER's importance weights [B], over their largest.
+torch::Tensor importance_weights(const torch::Tensor& probability, double exponent);
+
+/// The draws of one update: one for the loss, one that both networks share at the next state.
+struct DerNoise {
+    QNoise online, target;
+};
+
+/// The first carries a gradient.
+struct DerLosses {
+    torch::Tensor loss;            // [] mean of weight x loss
+    torch::Tensor per_transition;  // [B] cross-entropy, or squared error if not distributional
+    torch::Tensor priorities;      // [B]
+    torch::Tensor q;               // [B] values of the stored actions
+    torch::Tensor target;          // [B, atoms] projected distribution, or [B] y
+};
+
+/// A pure function of its arguments; `loss_weights` [B]. Throws std::invalid_argument, naming both
+/// shapes, where they do not fit together.
+DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
+                     const torch::Tensor& loss_weights, const DerNoise& noise, const DerConfig& config);
+
+struct DerLearner {
+    DerLearner(QNetwork network, QNetwork target, const DerConfig& config);
+
+    QNetwork network, target;
+    Adam adam;
+};
+
+/// One gradient step. Returns the losses before it, without their graph.
+DerLosses der_update(DerLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
+                     const DerNoise& noise, const DerConfig& config);
+
+/// Tags: losses/{cross_entropy or td_loss, q_values}, charts/{learning_rate, epsilon}.
+/// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
+/// Throws std::invalid_argument for a world with the continuous joystick.
+std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec);
+
+}  // namespace cale
