@@ -1,0 +1,101 @@
+// Soft Actor-Critic on a game's own set of actions.
+//   Christodoulou 2019, "Soft Actor-Critic for Discrete Action Settings" (SAC-D below)
+//   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment", its appendix
+// Expectations over the actions are taken exactly, as sums, where SAC samples. CALE's code for it was
+// never published: the encoder is shared and trained by the critics only, as in CALE's SAC.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <torch/types.h>
+
+#include "agents/agent.h"
+#include "agents/exploration.h"
+#include "agents/network_settings.h"
+#include "agents/replay_memory.h"
+#include "cale/fields.h"
+#include "networks/actor_critic.h"
+#include "networks/adam.h"
+
+namespace cale {
+
+enum class NextPolicy { online, target };
+std::span<const std::string_view> names_of(NextPolicy);
+
+/// The defaults are those of CALE's table of hyper-parameters.
+struct SacdConfig {
+    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+
+    NetworkSettings network;
+    ReplaySettings replay{.batch_size = 64, .reward_scale = 0.1};
+    Exploration exploration = Exploration::epsilon_greedy;
+    EpsilonSettings epsilon;
+    double learning_rate = 3e-4;
+    double adam_epsilon = 1.5e-4;
+    double tau = 0.005;
+    double target_entropy_scale = 0.98;
+    NextPolicy next_policy = NextPolicy::online;
+};
+
+template <class Visit>
+void fields(SacdConfig& config, Visit&& visit) {
+    fields(config.network, visit);
+    fields(config.replay, visit);
+    visit("exploration", config.exploration,
+          "standard: actions are sampled from the policy, uniformly until the first update; epsilon_greedy: "
+          "uniform with probability epsilon");
+    fields(config.epsilon, visit);
+    visit("learning_rate", config.learning_rate, Range{0, 1},
+          "Adam's learning rate, for the networks and for alpha");
+    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("tau", config.tau, Range{0, 1},
+          "part of the online network that the target takes on at every update");
+    visit("target_entropy_scale", config.target_entropy_scale, Range{0, 1},
+          "entropy that alpha is adjusted for, as a part of the uniform policy's log |A|");
+    visit("next_policy", config.next_policy,
+          "whose policy weighs the actions that follow: online, as in SAC-D, or the target network's");
+}
+
+/// The first three are means over the batch and carry gradients; the rest is for the log.
+struct SacdLosses {
+    torch::Tensor critic;         // [] J_Q of both critics, without the factor 1/2
+    torch::Tensor actor;          // [] J_pi
+    torch::Tensor alpha;          // [] J_alpha
+    torch::Tensor q1, q2;         // [B] values of the stored actions
+    torch::Tensor target_values;  // [B] y
+    torch::Tensor entropy;        // [B] of the policy
+};
+
+/// A pure function of its arguments. `log_alpha` is [1]. Throws std::invalid_argument, naming
+/// both shapes, where the batch does not fit together.
+SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
+                       const Batch& batch, double target_entropy, const SacdConfig& config);
+
+/// Everything that an update changes.
+struct SacdLearner {
+    SacdLearner(SacdNetwork network, SacdNetwork target, torch::Tensor log_alpha, double target_entropy,
+                const SacdConfig& config);
+
+    SacdNetwork network, target;
+    torch::Tensor log_alpha;  // [1]
+    double target_entropy;
+    std::vector<torch::Tensor> parameters, target_parameters, actor_parameters, critic_parameters;
+    Adam adam, alpha_adam;
+};
+
+/// One gradient step on every loss, then the target follows. Returns the losses before the
+/// step, without their graphs.
+SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, const SacdConfig& config);
+
+/// Tags: losses/{qf_loss, qf1_values, qf2_values, actor_loss, alpha_loss, alpha, entropy},
+/// charts/{learning_rate, epsilon}.
+/// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
+/// training_steps, random/....
+/// Throws std::invalid_argument for a world with the continuous joystick.
+std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
+
+}  // namespace cale
