@@ -1,0 +1,49 @@
+// How agents leave the path they know: epsilon-greedy over sets of actions and over boxes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include <ATen/core/Generator.h>
+#include <torch/types.h>
+
+#include "cale/fields.h"
+#include "networks/heads.h"
+
+namespace cale {
+
+enum class Exploration { standard, epsilon_greedy };
+std::span<const std::string_view> names_of(Exploration);
+
+/// The epsilons of an agent. The defaults are those of 200 million frames.
+struct EpsilonSettings {
+    double epsilon_train = 0.01;
+    double epsilon_eval = 0.001;
+    std::int64_t epsilon_decay_period = 250'000;
+};
+
+template <class Visit>
+void fields(EpsilonSettings& settings, Visit&& visit) {
+    visit("epsilon_train", settings.epsilon_train, Range{0, 1}, "final epsilon in training");
+    visit("epsilon_eval", settings.epsilon_eval, Range{0, 1}, "epsilon in evaluation");
+    visit("epsilon_decay_period", settings.epsilon_decay_period, Range{1, 1e12},
+          "agent steps from epsilon 1 to epsilon_train, after the warm-up");
+}
+
+/// The probability of a random action after `step` decisions: 1 for `warmup_steps`, then
+/// linearly down to `final` within `decay_period` (Mnih et al. 2015).
+double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, std::int64_t warmup_steps,
+                                 double final);
+
+/// [count, A]; coordinates are independent, so uniform in (r, theta) and not on the disc.
+torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
+
+/// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability.
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
+                             at::Generator random);
+/// The same for actions [N] int64 out of `num_actions`.
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
+                             at::Generator random);
+
+}  // namespace cale

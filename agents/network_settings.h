@@ -1,0 +1,35 @@
+// What a user chooses of an actor-critic's networks: SAC's and SAC-D's.
+#pragma once
+
+#include <cstdint>
+
+#include "agents/agent.h"
+#include "cale/fields.h"
+#include "networks/encoders.h"
+#include "networks/heads.h"
+
+namespace cale {
+
+struct NetworkSettings {
+    EncoderKind encoder = EncoderKind::phi_sac;
+    PhiDqn phi_dqn = PhiDqn::conv2d;
+    std::int64_t hidden_layers = 1;
+    std::int64_t hidden_units = 512;
+
+    EncoderConfig encoder_for(const AgentSpec& spec) const {
+        return {encoder, phi_dqn, spec.stack, spec.frame_height, spec.frame_width};
+    }
+    HeadConfig head() const { return {hidden_layers, hidden_units}; }
+};
+
+template <class Visit>
+void fields(NetworkSettings& settings, Visit&& visit) {
+    visit("encoder", settings.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("phi_dqn", settings.phi_dqn,
+          "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
+    visit("hidden_layers", settings.hidden_layers, Range{0, 16},
+          "hidden layers of the actor and of each critic");
+    visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of a hidden layer");
+}
+
+}  // namespace cale

@@ -1,0 +1,315 @@
+#include "agents/ppo.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <torch/torch.h>
+
+#include "agents/random.h"
+#include "agents/state.h"
+#include "networks/shapes.h"
+#include "replay/rollout.h"
+
+namespace cale {
+
+// Constants ---------------------------------------------------------------------------
+
+namespace {
+
+constexpr std::int64_t kActionSize = 3;  // r, theta, fire
+
+enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation };
+
+}  // namespace
+
+std::span<const std::string_view> names_of(Minibatches) {
+    static constexpr std::array<std::string_view, 2> names{"shuffled", "contiguous"};
+    return names;
+}
+
+// Losses ------------------------------------------------------------------------------
+
+Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tensor& terminal,
+                                  const torch::Tensor& value, const torch::Tensor& next_value, double gamma,
+                                  double lambda) {
+    require_shape("generalized_advantages", "terminal", terminal, reward.sizes());
+    require_shape("generalized_advantages", "value", value, reward.sizes());
+    require_shape("generalized_advantages", "next_value", next_value, reward.sizes().slice(1));
+    const auto advantage = torch::zeros_like(reward);
+    auto following_value = next_value, following_advantage = torch::zeros_like(next_value);
+    for (std::int64_t t = reward.size(0) - 1; t >= 0; --t) {
+        const auto goes_on = 1 - terminal[t];
+        const auto delta = reward[t] + gamma * following_value * goes_on - value[t];
+        following_advantage = delta + gamma * lambda * goes_on * following_advantage;
+        following_value = value[t];
+        advantage[t] = following_advantage;
+    }
+    return {advantage, advantage + value};
+}
+
+PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config) {
+    const auto size = minibatch.observation.size(0);
+    require_shape("ppo_losses", "the old log-probability", minibatch.old_log_prob, {size});
+    require_shape("ppo_losses", "the old value", minibatch.old_value, {size});
+    require_shape("ppo_losses", "the advantage", minibatch.advantage, {size});
+    require_shape("ppo_losses", "the return", minibatch.returns, {size});
+
+    const auto [policy, value] = network(minibatch.observation);
+    const auto new_log_prob = log_prob(policy, minibatch.action, network->box);
+
+    // PPO's equation 7, on normalised advantages.
+    const auto& raw = minibatch.advantage;
+    const auto advantage = (raw - raw.mean()) / (raw.std(/*unbiased=*/false) + 1e-8);
+    const auto log_ratio = new_log_prob - minibatch.old_log_prob;
+    const auto ratio = log_ratio.exp();
+    const auto actor =
+        -torch::minimum(ratio * advantage, ratio.clamp(1 - config.clip, 1 + config.clip) * advantage).mean();
+
+    // PPO's equation 9: the squared error, of which the larger with and without clipping counts.
+    auto squared_error = (value - minibatch.returns).square();
+    if (config.clip_value_loss) {
+        const auto moved = (value - minibatch.old_value).clamp(-config.clip, config.clip);
+        squared_error =
+            torch::maximum(squared_error, (minibatch.old_value + moved - minibatch.returns).square());
+    }
+    const auto critic = 0.5 * squared_error.mean();
+    const auto mean_entropy = entropy(policy).mean();
+
+    const torch::NoGradGuard no_grad_for_the_log;
+    const auto combined = [&] {
+        const torch::AutoGradMode with_grad(true);
+        return actor + config.value_coefficient * critic - config.entropy_coefficient * mean_entropy;
+    }();
+    return {combined,
+            actor.detach(),
+            critic.detach(),
+            mean_entropy.detach(),
+            ((ratio - 1) - log_ratio).mean(),
+            ((ratio - 1).abs() > config.clip).to(ratio.dtype()).mean()};
+}
+
+PpoLearner::PpoLearner(PpoNetwork network_, std::int64_t anneal_steps_, const PpoConfig& config)
+    : network(std::move(network_)),
+      parameters(network->parameters()),
+      adam(parameters, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
+      anneal_steps(anneal_steps_) {}
+
+PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config) {
+    learner.adam.zero_grad();
+    auto losses = ppo_losses(learner.network, minibatch, config);
+    losses.combined.backward();
+    clip_gradient_norm(learner.parameters, config.max_gradient_norm);
+    if (learner.anneal_steps > 0) {
+        const auto part =
+            static_cast<double>(learner.gradient_steps) / static_cast<double>(learner.anneal_steps);
+        learner.adam.set_learning_rate(config.learning_rate * std::max(0.0, 1 - part));
+    }
+    learner.adam.step();
+    ++learner.gradient_steps;
+    losses.combined = losses.combined.detach();
+    return losses;
+}
+
+// Agent -------------------------------------------------------------------------------
+
+namespace {
+
+PpoLearner make_learner(const PpoConfig& config, const AgentSpec& spec) {
+    PpoNetwork network(PpoNetworkConfig{.encoder = {config.encoder, config.phi_dqn, spec.stack,
+                                                    spec.frame_height, spec.frame_width},
+                                        .torso = config.torso,
+                                        .hidden_layers = config.hidden_layers,
+                                        .hidden_units = config.hidden_units,
+                                        .log_std = config.log_std},
+                       spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+    network->to(spec.device);
+    const auto per_rollout = config.epochs * (config.rollout_steps / config.minibatch_size);
+    const auto whole_run = std::max<std::int64_t>(spec.total_steps / config.rollout_steps * per_rollout, 1);
+    const auto anneal_steps = config.anneal_steps > 0 ? config.anneal_steps : whole_run;
+    return {network, config.anneal_learning_rate ? anneal_steps : 0, config};
+}
+
+class Ppo final : public Agent {
+  public:
+    Ppo(const PpoConfig& config, const AgentSpec& spec)
+        : config_(config),
+          spec_(spec),
+          learner_(make_learner(config, spec)),
+          rollout_({.length = config.rollout_steps / spec.num_envs,
+                    .num_envs = spec.num_envs,
+                    .stack = spec.stack,
+                    .frame_height = spec.frame_height,
+                    .frame_width = spec.frame_width,
+                    .action_size = spec.num_actions == 0 ? kActionSize : 0,
+                    .reward_scale = config.reward_scale,
+                    .reward_clip = config.reward_clip}),
+          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
+          shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        const torch::NoGradGuard no_grad;
+        const bool training = mode == ActMode::train;
+        auto& random = training ? acting_random_ : evaluation_random_;
+        if (training) rollout_.set_observations(observations);
+        // The policy is sampled in evaluation too, as the reference does.
+        const auto policy = learner_.network(observations.to(spec_.device)).policy;
+        const auto actions = sampled(policy, random);
+        if (config_.exploration == Exploration::standard) return actions;
+        const auto epsilon = training ? this->epsilon() : config_.epsilon.epsilon_eval;
+        return policy.gaussian ? epsilon_greedy(actions, epsilon, box_, random)
+                               : epsilon_greedy(actions, epsilon, spec_.num_actions, random);
+    }
+
+    void observe(const Experiences& seen) override {
+        rollout_.add(seen.actions, seen.results, seen.final_frames);
+        training_steps_ += spec_.num_envs;
+    }
+
+    bool update(const torch::Tensor& observations) override {
+        if (!rollout_.full()) return false;
+        learn(observations);
+        rollout_.clear();
+        return true;
+    }
+
+    std::map<std::string, double> metrics() override {
+        auto values = newest_;
+        values["charts/learning_rate"] = learner_.adam.learning_rate();
+        if (config_.exploration == Exploration::epsilon_greedy) values["charts/epsilon"] = epsilon();
+        return values;
+    }
+
+    TensorMap state() override { return saved(parts()); }
+    void load_state(const TensorMap& state) override {
+        restore(parts(), state);
+        newest_.clear();
+        rollout_.clear();
+    }
+    void save_memory(const std::string&) const override {}
+    void load_memory(const std::string&) override {}
+
+  private:
+    double epsilon() const {
+        return linearly_decaying_epsilon(config_.epsilon.epsilon_decay_period, training_steps_, 0,
+                                         config_.epsilon.epsilon_train);
+    }
+
+    torch::Tensor sampled(const PpoPolicy& policy, at::Generator& random) {
+        if (!policy.gaussian) return policy.log_pi.exp().cpu().multinomial(1, true, random).squeeze(1);
+        const auto noise =
+            torch::randn({policy.gaussian->mean.size(0), kActionSize}, random).to(spec_.device);
+        return sample(*policy.gaussian, noise, learner_.network->box).action.cpu();
+    }
+
+    torch::Tensor values(const torch::Tensor& observations) {
+        return learner_.network(observations.to(spec_.device)).value;
+    }
+
+    /// The rollout as one batch of T x N steps, with everything that is fixed before the update.
+    PpoMinibatch prepared(const torch::Tensor& next_observations) {
+        const torch::NoGradGuard no_grad;
+        PpoMinibatch all;
+        all.observation = rollout_.observation.flatten(0, 1).to(spec_.device);
+        all.action = rollout_.action.flatten(0, 1).to(spec_.device);
+        std::vector<torch::Tensor> log_probs, old_values;
+        for (std::int64_t first = 0; first < config_.rollout_steps; first += config_.minibatch_size) {
+            const auto part = [&](const torch::Tensor& whole) {
+                return whole.slice(0, first, first + config_.minibatch_size);
+            };
+            const auto [policy, value] = learner_.network(part(all.observation));
+            log_probs.push_back(log_prob(policy, part(all.action), learner_.network->box));
+            old_values.push_back(value);
+        }
+        all.old_log_prob = torch::cat(log_probs);
+        all.old_value = torch::cat(old_values);
+        const auto rewards = rollout_.reward.clone();
+        for (const auto& cut : rollout_.truncations)
+            rewards[cut.step][cut.env] +=
+                config_.gamma * values(cut.observation.unsqueeze(0))[0].item<float>();
+        const auto estimate = generalized_advantages(
+            rewards.to(spec_.device), rollout_.terminal.to(spec_.device), all.old_value.view_as(rewards),
+            values(next_observations), config_.gamma, config_.gae_lambda);
+        all.advantage = estimate.advantage.flatten();
+        all.returns = estimate.returns.flatten();
+        return all;
+    }
+
+    void learn(const torch::Tensor& next_observations) {
+        const auto all = prepared(next_observations);
+        const auto parts = config_.rollout_steps / config_.minibatch_size;
+        const auto contiguous =
+            (torch::randperm(parts, shuffling_random_, torch::kInt64).unsqueeze(1) * config_.minibatch_size +
+             torch::arange(config_.minibatch_size));
+        torch::Tensor sums = torch::zeros({6}, torch::dtype(torch::kFloat32).device(spec_.device));
+        for (std::int64_t epoch = 0; epoch < config_.epochs; ++epoch) {
+            const auto order = config_.minibatches == Minibatches::contiguous
+                                   ? contiguous
+                                   : torch::randperm(config_.rollout_steps, shuffling_random_, torch::kInt64)
+                                         .view({parts, -1});
+            for (const auto& rows : order.to(spec_.device).unbind()) {
+                const auto chosen = [&rows](const torch::Tensor& whole) {
+                    return whole.index_select(0, rows);
+                };
+                const auto losses =
+                    ppo_update(learner_,
+                               {chosen(all.observation), chosen(all.action), chosen(all.old_log_prob),
+                                chosen(all.old_value), chosen(all.advantage), chosen(all.returns)},
+                               config_);
+                sums += torch::stack({losses.combined, losses.actor, losses.critic, losses.entropy,
+                                      losses.approximate_kl, losses.clipped_fraction});
+            }
+        }
+        remember(sums / (config_.epochs * parts), all);
+    }
+
+    void remember(const torch::Tensor& means, const PpoMinibatch& all) {
+        const auto unexplained = (all.returns - all.old_value).var(0) / (all.returns.var(0) + 1e-8);
+        const auto numbers = torch::cat({means, (1 - unexplained).view({1})}).cpu();
+        std::int64_t i = 0;
+        for (const auto* tag :
+             {"loss", "policy_loss", "value_loss", "entropy", "approx_kl", "clipfrac", "explained_variance"})
+            newest_["losses/" + std::string(tag)] = numbers[i++].item<double>();
+    }
+
+    StateParts parts() {
+        StateParts parts;
+        parts.add("network/", *learner_.network);
+        parts.add("adam/", learner_.adam.state());
+        parts.generators["random/acting"] = &acting_random_;
+        parts.generators["random/shuffling"] = &shuffling_random_;
+        parts.generators["random/evaluation"] = &evaluation_random_;
+        parts.counters["training_steps"] = &training_steps_;
+        parts.counters["gradient_steps"] = &learner_.gradient_steps;
+        return parts;
+    }
+
+    PpoConfig config_;
+    AgentSpec spec_;
+    PpoLearner learner_;
+    ActionBox box_ = joystick_box();
+    Rollout rollout_;
+    std::int64_t training_steps_ = 0;
+    at::Generator acting_random_, shuffling_random_, evaluation_random_;
+    std::map<std::string, double> newest_;
+};
+
+}  // namespace
+
+std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) {
+    const auto require_multiple = [&](std::int64_t of, const char* name) {
+        if (config.rollout_steps % of == 0) return;
+        throw std::invalid_argument("agent.rollout_steps is " + std::to_string(config.rollout_steps) +
+                                    ", which is no multiple of " + name + " = " + std::to_string(of));
+    };
+    require_multiple(spec.num_envs, "env.num_envs");
+    require_multiple(config.minibatch_size, "agent.minibatch_size");
+    return std::make_unique<Ppo>(config, spec);
+}
+
+}  // namespace cale

@@ -1,0 +1,146 @@
+// Proximal policy optimisation, on the continuous joystick or on a game's own set of actions.
+//   Schulman et al. 2017, "Proximal Policy Optimization Algorithms" (PPO below)
+//   Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized Advantage
+//   Estimation" (GAE below)
+//   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment": its two-branch encoder
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <torch/types.h>
+
+#include "agents/agent.h"
+#include "agents/exploration.h"
+#include "cale/fields.h"
+#include "networks/adam.h"
+#include "networks/ppo_network.h"
+
+namespace cale {
+
+enum class Minibatches { shuffled, contiguous };
+std::span<const std::string_view> names_of(Minibatches);
+
+/// The defaults are CALE's for 200 million frames.
+struct PpoConfig {
+    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+
+    EncoderKind encoder = EncoderKind::phi_sac;
+    PhiDqn phi_dqn = PhiDqn::conv2d;
+    Torso torso = Torso::two_branch;
+    std::int64_t hidden_layers = 2;
+    std::int64_t hidden_units = 64;
+    LogStd log_std = LogStd::summed;
+    double gamma = 0.99;
+    double gae_lambda = 0.95;
+    std::int64_t rollout_steps = 1024;
+    std::int64_t minibatch_size = 256;
+    Minibatches minibatches = Minibatches::shuffled;
+    std::int64_t epochs = 3;
+    double clip = 0.1;
+    bool clip_value_loss = true;
+    double value_coefficient = 0.5;
+    double entropy_coefficient = 0.01;
+    double max_gradient_norm = 0.5;
+    double learning_rate = 2.5e-4;
+    bool anneal_learning_rate = true;
+    std::int64_t anneal_steps = 0;
+    double adam_epsilon = 1e-5;
+    double reward_scale = 1;
+    std::optional<double> reward_clip = std::nullopt;
+    Exploration exploration = Exploration::standard;
+    EpsilonSettings epsilon;
+};
+
+template <class Visit>
+void fields(PpoConfig& config, Visit&& visit) {
+    visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("phi_dqn", config.phi_dqn,
+          "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
+    visit("torso", config.torso,
+          "two_branch: CALE's, trained by the value only; shared: unpadded, 512 features that both losses "
+          "train");
+    visit("hidden_layers", config.hidden_layers, Range{0, 16},
+          "hidden layers of the actor and of the critic");
+    visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of a hidden layer");
+    visit("log_std", config.log_std,
+          "summed: 1 + hidden_units parameters per coordinate, as released; direct: one");
+    visit("gamma", config.gamma, Range{0, 1}, "discount per agent step");
+    visit("gae_lambda", config.gae_lambda, Range{0, 1}, "lambda of the advantage estimate");
+    visit("rollout_steps", config.rollout_steps, Range{1, 1e7},
+          "agent steps per update, over all environments: a multiple of num_envs and of minibatch_size");
+    visit("minibatch_size", config.minibatch_size, Range{2, 1e7}, "agent steps per gradient step");
+    visit("minibatches", config.minibatches,
+          "shuffled: drawn anew in every epoch; contiguous: stretches of time, in one random order");
+    visit("epochs", config.epochs, Range{1, 1000}, "passes over a rollout");
+    visit("clip", config.clip, Range{0, 10}, "how far a probability ratio counts, and a value may move");
+    visit("clip_value_loss", config.clip_value_loss, "clip the value's change too");
+    visit("value_coefficient", config.value_coefficient, Range{0, 1000}, "weight of the value's loss");
+    visit("entropy_coefficient", config.entropy_coefficient, Range{0, 1000}, "weight of the entropy bonus");
+    visit("max_gradient_norm", config.max_gradient_norm, Range{1e-9, 1e9}, "gradients are scaled down to it");
+    visit("learning_rate", config.learning_rate, Range{0, 1}, "Adam's learning rate at the start");
+    visit("anneal_learning_rate", config.anneal_learning_rate, "let it fall linearly to 0");
+    visit("anneal_steps", config.anneal_steps, Range{0, 1e12},
+          "gradient steps until it is 0 (and stays so); 0: the whole run");
+    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("reward_scale", config.reward_scale, Range{0, 1e9}, "factor of every reward");
+    visit("reward_clip", config.reward_clip, Range{0, 1e9},
+          "rewards are clipped to plus or minus this; none: off");
+    visit("exploration", config.exploration,
+          "standard: the policy's own noise; epsilon_greedy: uniform with probability epsilon");
+    fields(config.epsilon, visit);
+}
+
+/// Advantages and returns, both of the rewards' shape.
+struct Advantages {
+    torch::Tensor advantage, returns;
+};
+
+/// GAE's equation 16 along the first axis: rewards, terminals (1 where nothing follows) and values
+/// [T, N], the value of what follows the last step [N].
+Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tensor& terminal,
+                                  const torch::Tensor& value, const torch::Tensor& next_value, double gamma,
+                                  double lambda);
+
+/// B steps of a rollout; the second line [B] is from before the update.
+struct PpoMinibatch {
+    torch::Tensor observation, action;
+    torch::Tensor old_log_prob, old_value, advantage, returns;
+};
+
+/// The first carries a gradient. Means over the minibatch.
+struct PpoLosses {
+    torch::Tensor combined, actor, critic, entropy;
+    torch::Tensor approximate_kl, clipped_fraction;
+};
+
+/// A pure function of its arguments. Throws std::invalid_argument, naming both shapes, where the
+/// minibatch does not fit together.
+PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config);
+
+struct PpoLearner {
+    /// `anneal_steps` 0: the learning rate is constant.
+    PpoLearner(PpoNetwork network, std::int64_t anneal_steps, const PpoConfig& config);
+
+    PpoNetwork network;
+    std::vector<torch::Tensor> parameters;
+    Adam adam;
+    std::int64_t anneal_steps;
+    std::int64_t gradient_steps = 0;
+};
+
+/// One gradient step. Returns the losses before it, without their graph.
+PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
+
+/// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},
+/// charts/{learning_rate, epsilon}.
+/// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/.... A rollout under way is
+/// not part of it.
+/// Throws std::invalid_argument where rollout_steps is no multiple of num_envs or of minibatch_size.
+std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec);
+
+}  // namespace cale

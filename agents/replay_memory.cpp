@@ -1,0 +1,116 @@
+#include "agents/replay_memory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <torch/torch.h>
+
+namespace cale {
+namespace {
+
+constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
+
+ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
+    return {.capacity = settings.replay_capacity,
+            .num_envs = spec.num_envs,
+            .stack = spec.stack,
+            .frame_height = spec.frame_height,
+            .frame_width = spec.frame_width,
+            .action_size = spec.num_actions == 0 ? kJoystickAxes : 0,
+            .update_horizon = settings.update_horizon,
+            .gamma = settings.gamma,
+            .replay_terminal = settings.replay_terminal,
+            .prioritised = prioritised};
+}
+
+}  // namespace
+
+std::int64_t Decisions::multiples_of(std::int64_t period) const {
+    const auto below = [period](std::int64_t number) { return (number + period - 1) / period; };
+    return below(end) - below(first);
+}
+
+ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
+                           std::uint64_t seed)
+    : settings_(settings),
+      spec_(spec),
+      replay_(replay_config(settings, spec, prioritised)),
+      sampled_(replay_.empty_batch(settings.batch_size)),
+      random_(seed) {}
+
+void ReplayMemory::store(const Experiences& seen) {
+    const auto frame_size = static_cast<std::size_t>(spec_.frame_height * spec_.frame_width);
+    const auto count = static_cast<std::size_t>(spec_.num_envs);
+    const bool continuous = spec_.num_actions == 0;
+    const auto actions =
+        seen.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
+    if (seen.results.size() != count || seen.frames.size() != count * frame_size ||
+        actions.numel() != spec_.num_envs * (continuous ? kJoystickAxes : 1)) {
+        throw std::invalid_argument("the replay expects the results, frames and actions of " +
+                                    std::to_string(count) + " environments, not of " +
+                                    std::to_string(seen.results.size()));
+    }
+    const auto limit = static_cast<float>(settings_.reward_clip.value_or(INFINITY));
+    for (std::size_t env = 0; env < count; ++env) {
+        const auto& result = seen.results[env];
+        if (!std::isfinite(result.reward)) {
+            throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
+                                        std::to_string(result.reward));
+        }
+        const auto frame_of = [&](std::span<const std::uint8_t> frames) {
+            return frames.subspan(env * frame_size, frame_size);
+        };
+        Experience experience{.frame = frame_of(seen.frames),
+                              .reward = std::clamp(result.reward, -limit, limit),
+                              .terminal = result.terminal,
+                              .truncated = result.truncated};
+        if (continuous) {
+            experience.action = {actions.const_data_ptr<float>() + env * kJoystickAxes, kJoystickAxes};
+        } else {
+            experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
+        }
+        if (result.truncated) experience.final_frame = frame_of(seen.final_frames);
+        replay_.add(static_cast<std::int64_t>(env), experience);
+    }
+}
+
+Decisions ReplayMemory::next_decisions() {
+    const auto first = decisions_;
+    decisions_ += spec_.num_envs;
+    return {first, decisions_};
+}
+
+bool ReplayMemory::warm() const {
+    return replay_.add_count() > settings_.min_replay && replay_.size() > 0;
+}
+
+double ReplayMemory::epsilon(const EpsilonSettings& settings) const {
+    return linearly_decaying_epsilon(settings.epsilon_decay_period, decisions_, settings_.min_replay,
+                                     settings.epsilon_train);
+}
+
+Batch ReplayMemory::sample() {
+    replay_.sample_into(sampled_, random_);
+    Batch batch = sampled_;
+    for (auto* tensor : {&batch.observation, &batch.action, &batch.n_step_return, &batch.discount,
+                         &batch.next_observation, &batch.probability})
+        *tensor = tensor->to(spec_.device);
+    return batch;
+}
+
+void ReplayMemory::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
+    replay_.set_priorities(batch.index, priorities.to(torch::kCPU));
+}
+
+void ReplayMemory::add_state(StateParts& parts) {
+    parts.engines["random/replay"] = &random_;
+    parts.counters["training_steps"] = &decisions_;
+}
+
+void ReplayMemory::load(const std::string& path) {
+    replay_.load(path);
+    replay_.abandon_episodes();
+}
+
+}  // namespace cale
