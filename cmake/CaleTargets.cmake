@@ -60,12 +60,18 @@ function(cale_use_torch_headers target)
     target_precompile_headers(${target} REUSE_FROM cale_torch_headers)
 endfunction()
 
-# build/bin/train_NAME: a main() around make_NAME() of agents/NAME.h.
+# build/bin/train_NAME: a main() around make_NAME() of agents/NAME.h, or of HEADER with its own SOURCES.
 function(cale_train_program agent description)
-    set(source ${CMAKE_CURRENT_BINARY_DIR}/train_${agent}.cpp)
-    configure_file(${PROJECT_SOURCE_DIR}/train/train.cpp.in ${source} @ONLY)
-    add_executable(train_${agent} ${source})
+    cmake_parse_arguments(PARSE_ARGV 2 arg "" "HEADER" "SOURCES")
+    set(header agents/${agent}.h)
+    if(arg_HEADER)
+        set(header ${arg_HEADER})
+    else()
+        set_property(GLOBAL APPEND PROPERTY CALE_PROGRAMS train_${agent})  # which are installed
+    endif()
+    set(main ${CMAKE_CURRENT_BINARY_DIR}/train_${agent}.cpp)
+    configure_file(${PROJECT_SOURCE_DIR}/train/train.cpp.in ${main} @ONLY)
+    add_executable(train_${agent} ${main} ${arg_SOURCES})
     target_link_libraries(train_${agent} PRIVATE cale::experiment cale::agents cale_options)
     cale_use_torch_headers(train_${agent})
-    set_property(GLOBAL APPEND PROPERTY CALE_PROGRAMS train_${agent})
 endfunction()

@@ -1,0 +1,137 @@
+#include "examples/custom_agent/a2c.h"
+
+#include <map>
+#include <string>
+
+#include <torch/torch.h>
+
+#include "agents/ppo.h"  // generalized_advantages
+#include "agents/random.h"
+#include "agents/state.h"
+#include "networks/adam.h"
+#include "replay/rollout.h"
+
+namespace cale {
+namespace {
+
+// Each consumer of randomness has a stream of its own, so that none depends on the others.
+enum Stream : std::uint64_t { kInitialValues, kActing, kEvaluation };
+
+PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
+    PpoNetwork network(PpoNetworkConfig{.encoder = {.encoder = config.encoder,
+                                                    .stack = spec.stack,
+                                                    .frame_height = spec.frame_height,
+                                                    .frame_width = spec.frame_width},
+                                        .torso = Torso::shared,
+                                        .hidden_layers = 0},
+                       spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+    network->to(spec.device);
+    return network;
+}
+
+class A2c final : public Agent {
+  public:
+    A2c(const A2cConfig& config, const AgentSpec& spec)
+        : config_(config),
+          spec_(spec),
+          network_(make_network(config, spec)),
+          adam_(network_->parameters(),
+                {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
+          rollout_({.length = config.rollout_length,
+                    .num_envs = spec.num_envs,
+                    .stack = spec.stack,
+                    .frame_height = spec.frame_height,
+                    .frame_width = spec.frame_width,
+                    .action_size = 0}),
+          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+
+    // Called first: the observations are those that the next actions will be chosen on.
+    bool update(const torch::Tensor& observations) override {
+        if (!rollout_.full()) return false;
+        learn(observations);
+        rollout_.clear();
+        return true;
+    }
+
+    // Called second.
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        const torch::NoGradGuard no_grad;
+        const bool training = mode == ActMode::train;
+        if (training) rollout_.set_observations(observations);
+        const auto log_pi = network_(observations.to(spec_.device)).policy.log_pi;
+        return log_pi.exp()
+            .cpu()
+            .multinomial(1, true, training ? acting_random_ : evaluation_random_)
+            .squeeze(1);
+    }
+
+    // Called third, with what the environments answered.
+    void observe(const Experiences& seen) override {
+        rollout_.add(seen.actions, seen.results, seen.final_frames);
+    }
+
+    // What the log shows.
+    std::map<std::string, double> metrics() override { return newest_; }
+
+    // One list of parts is enough for checkpoints and --resume.
+    TensorMap state() override { return saved(parts()); }
+    void load_state(const TensorMap& state) override {
+        restore(parts(), state);
+        rollout_.clear();
+    }
+    void save_memory(const std::string&) const override {}
+    void load_memory(const std::string&) override {}
+
+  private:
+    void learn(const torch::Tensor& next_observations) {
+        const auto on_device = [this](const torch::Tensor& tensor) { return tensor.to(spec_.device); };
+        const auto [policy, value] = network_(on_device(rollout_.observation.flatten(0, 1)));
+        Advantages estimate;
+        {
+            const torch::NoGradGuard no_grad;
+            // With lambda 1: the discounted rewards of the rollout and the value of what follows it.
+            estimate = generalized_advantages(on_device(rollout_.reward), on_device(rollout_.terminal),
+                                              value.detach().view_as(rollout_.reward),
+                                              network_(on_device(next_observations)).value, config_.gamma, 1);
+        }
+        const auto chosen = values_of(policy.log_pi, on_device(rollout_.action.flatten()));
+        const auto policy_loss = -(chosen * estimate.advantage.flatten()).mean();
+        const auto value_loss = (value - estimate.returns.flatten()).square().mean();
+        const auto mean_entropy = entropy(policy).mean();
+        adam_.zero_grad();
+        (policy_loss + config_.value_coefficient * value_loss - config_.entropy_coefficient * mean_entropy)
+            .backward();
+        clip_gradient_norm(network_->parameters(), config_.max_gradient_norm);
+        adam_.step();
+        newest_ = {{"losses/policy_loss", policy_loss.item<double>()},
+                   {"losses/value_loss", value_loss.item<double>()},
+                   {"losses/entropy", mean_entropy.item<double>()}};
+    }
+
+    StateParts parts() {
+        StateParts parts;
+        parts.add("network/", *network_);
+        parts.add("adam/", adam_.state());
+        parts.generators["random/acting"] = &acting_random_;
+        parts.generators["random/evaluation"] = &evaluation_random_;
+        return parts;
+    }
+
+    A2cConfig config_;
+    AgentSpec spec_;
+    PpoNetwork network_;
+    Adam adam_;
+    Rollout rollout_;
+    at::Generator acting_random_, evaluation_random_;
+    std::map<std::string, double> newest_;
+};
+
+}  // namespace
+
+std::unique_ptr<Agent> make_a2c(const A2cConfig& config, const AgentSpec& spec) {
+    require_discrete("A2C", spec);
+    return std::make_unique<A2c>(config, spec);
+}
+
+}  // namespace cale
