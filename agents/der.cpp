@@ -1,7 +1,5 @@
 #include "agents/der.h"
 
-#include <utility>
-
 #include <torch/torch.h>
 
 #include "agents/random.h"
@@ -95,17 +93,10 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
             .target = config.distributional ? expected : expected.squeeze(1)};
 }
 
-DerLearner::DerLearner(QNetwork network_, QNetwork target_, const DerConfig& config)
-    : network(std::move(network_)),
-      target(std::move(target_)),
-      adam(network->parameters(), {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}) {}
-
-DerLosses der_update(DerLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
+DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config) {
-    learner.adam.zero_grad();
     auto losses = der_losses(learner.network, learner.target, batch, loss_weights, noise, config);
-    losses.loss.backward();
-    learner.adam.step();
+    learner.step(losses.loss);
     losses.loss = losses.loss.detach();
     return losses;
 }
@@ -114,24 +105,16 @@ DerLosses der_update(DerLearner& learner, const Batch& batch, const torch::Tenso
 
 namespace {
 
-DerLearner make_learner(const DerConfig& config, const AgentSpec& spec) {
-    const auto make_network = [&] {
-        QNetwork network(EncoderConfig{.encoder = config.encoder,
-                                       .stack = spec.stack,
-                                       .frame_height = spec.frame_height,
-                                       .frame_width = spec.frame_width},
-                         QHeadConfig{.num_actions = spec.num_actions,
-                                     .hidden_units = config.hidden_units,
-                                     .num_atoms = config.distributional ? config.num_atoms : 1,
-                                     .dueling = config.dueling,
-                                     .noisy = config.noisy,
-                                     .initial_sigma = config.noisy_sigma},
-                         make_generator(stream_seed(spec.seed, kInitialValues)));
-        network->to(spec.device);
-        return network;
-    };
-    // The same seed makes the same network twice: the target starts equal to it.
-    return {make_network(), make_network(), config};
+QLearner make_learner(const DerConfig& config, const AgentSpec& spec) {
+    return make_q_learner(config.encoder,
+                          {.num_actions = spec.num_actions,
+                           .hidden_units = config.hidden_units,
+                           .num_atoms = config.distributional ? config.num_atoms : 1,
+                           .dueling = config.dueling,
+                           .noisy = config.noisy,
+                           .initial_sigma = config.noisy_sigma},
+                          {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
+                          stream_seed(spec.seed, kInitialValues));
 }
 
 class Der final : public Agent {
@@ -166,8 +149,7 @@ class Der final : public Agent {
         if (!memory_.warm()) return false;
         const auto updates = decisions.multiples_of(config_.replay.update_period);
         for (std::int64_t i = 0; i < updates; ++i) learn();
-        if (decisions.multiples_of(config_.target_update_period) > 0)
-            hard_update(learner_.target->parameters(), learner_.network->parameters());
+        if (decisions.multiples_of(config_.target_update_period) > 0) learner_.copy_to_target();
         return updates > 0;
     }
 
@@ -207,9 +189,7 @@ class Der final : public Agent {
 
     StateParts parts() {
         StateParts parts;
-        parts.add("network/", *learner_.network);
-        parts.add("target/", *learner_.target);
-        parts.add("adam/", learner_.adam.state());
+        learner_.add_state(parts);
         parts.generators["random/acting"] = &acting_random_;
         parts.generators["random/update_noise"] = &noise_random_;
         parts.generators["random/evaluation"] = &evaluation_random_;
@@ -219,7 +199,7 @@ class Der final : public Agent {
 
     DerConfig config_;
     AgentSpec spec_;
-    DerLearner learner_;
+    QLearner learner_;
     ReplayMemory memory_;
     torch::Tensor support_;  // [atoms], if distributional
     at::Generator acting_random_, noise_random_, evaluation_random_;

@@ -13,9 +13,9 @@
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
+#include "agents/q_learner.h"
 #include "agents/replay_memory.h"
 #include "cale/fields.h"
-#include "networks/adam.h"
 #include "networks/q_network.h"
 
 namespace cale {
@@ -98,15 +98,8 @@ struct DerLosses {
 DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
                      const torch::Tensor& loss_weights, const DerNoise& noise, const DerConfig& config);
 
-struct DerLearner {
-    DerLearner(QNetwork network, QNetwork target, const DerConfig& config);
-
-    QNetwork network, target;
-    Adam adam;
-};
-
 /// One gradient step. Returns the losses before it, without their graph.
-DerLosses der_update(DerLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
+DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config);
 
 /// Tags: losses/{cross_entropy or td_loss, q_values}, charts/{learning_rate, epsilon}.

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <stdexcept>
-#include <utility>
 
 #include <torch/torch.h>
 
@@ -49,16 +48,9 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
     return {loss, q.detach(), y};
 }
 
-DqnLearner::DqnLearner(QNetwork network_, QNetwork target_, const DqnConfig& config)
-    : network(std::move(network_)),
-      target(std::move(target_)),
-      adam(network->parameters(), {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}) {}
-
-DqnLosses dqn_update(DqnLearner& learner, const Batch& batch, const DqnConfig& config) {
-    learner.adam.zero_grad();
+DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& config) {
     auto losses = dqn_losses(learner.network, learner.target, batch, config);
-    losses.loss.backward();
-    learner.adam.step();
+    learner.step(losses.loss);
     losses.loss = losses.loss.detach();
     return losses;
 }
@@ -67,21 +59,12 @@ DqnLosses dqn_update(DqnLearner& learner, const Batch& batch, const DqnConfig& c
 
 namespace {
 
-DqnLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
-    const auto make_network = [&] {
-        QNetwork network(EncoderConfig{.encoder = config.encoder,
-                                       .stack = spec.stack,
-                                       .frame_height = spec.frame_height,
-                                       .frame_width = spec.frame_width},
-                         QHeadConfig{.num_actions = spec.num_actions,
-                                     .hidden_units = config.hidden_units,
-                                     .dueling = config.dueling},
-                         make_generator(stream_seed(spec.seed, kInitialValues)));
-        network->to(spec.device);
-        return network;
-    };
-    // The same seed makes the same network twice: the target starts equal to it.
-    return {make_network(), make_network(), config};
+QLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
+    return make_q_learner(
+        config.encoder,
+        {.num_actions = spec.num_actions, .hidden_units = config.hidden_units, .dueling = config.dueling},
+        {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
+        stream_seed(spec.seed, kInitialValues));
 }
 
 class Dqn final : public Agent {
@@ -112,8 +95,7 @@ class Dqn final : public Agent {
         if (!memory_.warm()) return false;
         const auto updates = decisions.multiples_of(config_.replay.update_period);
         for (std::int64_t i = 0; i < updates; ++i) newest_ = dqn_update(learner_, memory_.sample(), config_);
-        if (decisions.multiples_of(config_.target_update_period) > 0)
-            hard_update(learner_.target->parameters(), learner_.network->parameters());
+        if (decisions.multiples_of(config_.target_update_period) > 0) learner_.copy_to_target();
         return updates > 0;
     }
 
@@ -137,9 +119,7 @@ class Dqn final : public Agent {
   private:
     StateParts parts() {
         StateParts parts;
-        parts.add("network/", *learner_.network);
-        parts.add("target/", *learner_.target);
-        parts.add("adam/", learner_.adam.state());
+        learner_.add_state(parts);
         parts.generators["random/acting"] = &acting_random_;
         parts.generators["random/evaluation"] = &evaluation_random_;
         memory_.add_state(parts);
@@ -148,7 +128,7 @@ class Dqn final : public Agent {
 
     DqnConfig config_;
     AgentSpec spec_;
-    DqnLearner learner_;
+    QLearner learner_;
     ReplayMemory memory_;
     at::Generator acting_random_, evaluation_random_;
     DqnLosses newest_;

@@ -14,9 +14,9 @@
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
+#include "agents/q_learner.h"
 #include "agents/replay_memory.h"
 #include "cale/fields.h"
-#include "networks/adam.h"
 #include "networks/heads.h"
 #include "networks/q_network.h"
 
@@ -67,16 +67,8 @@ struct DqnLosses {
 /// batch does not fit together.
 DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, const DqnConfig& config);
 
-/// Everything that an update changes, but for the target.
-struct DqnLearner {
-    DqnLearner(QNetwork network, QNetwork target, const DqnConfig& config);
-
-    QNetwork network, target;
-    Adam adam;
-};
-
 /// One gradient step. Returns the losses before it, without their graph.
-DqnLosses dqn_update(DqnLearner& learner, const Batch& batch, const DqnConfig& config);
+DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& config);
 
 /// Tags: losses/{td_loss, q_values}, charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....

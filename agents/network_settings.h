@@ -1,4 +1,4 @@
-// What a user chooses of an actor-critic's networks: SAC's and SAC-D's.
+// What a user chooses of the networks of SAC, SAC-D and PPO.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ void fields(NetworkSettings& settings, Visit&& visit) {
     visit("phi_dqn", settings.phi_dqn,
           "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
     visit("hidden_layers", settings.hidden_layers, Range{0, 16},
-          "hidden layers of the actor and of each critic");
+          "hidden layers of the actor and of every critic");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of a hidden layer");
 }
 

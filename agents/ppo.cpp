@@ -10,6 +10,7 @@
 
 #include <torch/torch.h>
 
+#include "agents/advantages.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -33,24 +34,6 @@ std::span<const std::string_view> names_of(Minibatches) {
 }
 
 // Losses ------------------------------------------------------------------------------
-
-Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tensor& terminal,
-                                  const torch::Tensor& value, const torch::Tensor& next_value, double gamma,
-                                  double lambda) {
-    require_shape("generalized_advantages", "terminal", terminal, reward.sizes());
-    require_shape("generalized_advantages", "value", value, reward.sizes());
-    require_shape("generalized_advantages", "next_value", next_value, reward.sizes().slice(1));
-    const auto advantage = torch::zeros_like(reward);
-    auto following_value = next_value, following_advantage = torch::zeros_like(next_value);
-    for (std::int64_t t = reward.size(0) - 1; t >= 0; --t) {
-        const auto goes_on = 1 - terminal[t];
-        const auto delta = reward[t] + gamma * following_value * goes_on - value[t];
-        following_advantage = delta + gamma * lambda * goes_on * following_advantage;
-        following_value = value[t];
-        advantage[t] = following_advantage;
-    }
-    return {advantage, advantage + value};
-}
 
 PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config) {
     const auto size = minibatch.observation.size(0);
@@ -120,11 +103,10 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 namespace {
 
 PpoLearner make_learner(const PpoConfig& config, const AgentSpec& spec) {
-    PpoNetwork network(PpoNetworkConfig{.encoder = {config.encoder, config.phi_dqn, spec.stack,
-                                                    spec.frame_height, spec.frame_width},
+    PpoNetwork network(PpoNetworkConfig{.encoder = config.network.encoder_for(spec),
                                         .torso = config.torso,
-                                        .hidden_layers = config.hidden_layers,
-                                        .hidden_units = config.hidden_units,
+                                        .hidden_layers = config.network.hidden_layers,
+                                        .hidden_units = config.network.hidden_units,
                                         .log_std = config.log_std},
                        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);

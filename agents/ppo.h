@@ -1,7 +1,5 @@
 // Proximal policy optimisation, on the continuous joystick or on a game's own set of actions.
 //   Schulman et al. 2017, "Proximal Policy Optimization Algorithms" (PPO below)
-//   Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized Advantage
-//   Estimation" (GAE below)
 //   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment": its two-branch encoder
 #pragma once
 
@@ -16,6 +14,7 @@
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
+#include "agents/network_settings.h"
 #include "cale/fields.h"
 #include "networks/adam.h"
 #include "networks/ppo_network.h"
@@ -29,11 +28,8 @@ std::span<const std::string_view> names_of(Minibatches);
 struct PpoConfig {
     static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
 
-    EncoderKind encoder = EncoderKind::phi_sac;
-    PhiDqn phi_dqn = PhiDqn::conv2d;
+    NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};
     Torso torso = Torso::two_branch;
-    std::int64_t hidden_layers = 2;
-    std::int64_t hidden_units = 64;
     LogStd log_std = LogStd::summed;
     double gamma = 0.99;
     double gae_lambda = 0.95;
@@ -58,15 +54,10 @@ struct PpoConfig {
 
 template <class Visit>
 void fields(PpoConfig& config, Visit&& visit) {
-    visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
-    visit("phi_dqn", config.phi_dqn,
-          "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
+    fields(config.network, visit);
     visit("torso", config.torso,
           "two_branch: CALE's, trained by the value only; shared: unpadded, 512 features that both losses "
           "train");
-    visit("hidden_layers", config.hidden_layers, Range{0, 16},
-          "hidden layers of the actor and of the critic");
-    visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of a hidden layer");
     visit("log_std", config.log_std,
           "summed: 1 + hidden_units parameters per coordinate, as released; direct: one");
     visit("gamma", config.gamma, Range{0, 1}, "discount per agent step");
@@ -94,17 +85,6 @@ void fields(PpoConfig& config, Visit&& visit) {
           "standard: the policy's own noise; epsilon_greedy: uniform with probability epsilon");
     fields(config.epsilon, visit);
 }
-
-/// Advantages and returns, both of the rewards' shape.
-struct Advantages {
-    torch::Tensor advantage, returns;
-};
-
-/// GAE's equation 16 along the first axis: rewards, terminals (1 where nothing follows) and values
-/// [T, N], the value of what follows the last step [N].
-Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tensor& terminal,
-                                  const torch::Tensor& value, const torch::Tensor& next_value, double gamma,
-                                  double lambda);
 
 /// B steps of a rollout; the second line [B] is from before the update.
 struct PpoMinibatch {

@@ -89,31 +89,10 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     return {critic_loss, actor_loss, alpha_loss, q.q1.detach(), q.q2.detach(), y, log_prob};
 }
 
-SacLearner::SacLearner(SacNetwork network_, SacNetwork target_, torch::Tensor log_alpha_,
-                       const SacConfig& config)
-    : network(std::move(network_)),
-      target(std::move(target_)),
-      log_alpha(std::move(log_alpha_)),
-      parameters(network->parameters()),
-      target_parameters(target->parameters()),
-      actor_parameters(cale::actor_parameters(*network)),
-      critic_parameters(cale::critic_parameters(*network)),
-      adam(parameters, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
-      alpha_adam({log_alpha}, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}) {}
-
 SacLosses sac_update(SacLearner& learner, const Batch& batch, const SacNoise& noise,
                      const SacConfig& config) {
-    learner.adam.zero_grad();
-    learner.alpha_adam.zero_grad();
     auto losses = sac_losses(learner.network, learner.target, learner.log_alpha, batch, noise, config);
-    // The lists say where each gradient ends: the actor's loss leaves the critics alone.
-    (0.5 * losses.critic)
-        .backward({}, /*keep_graph=*/false, /*create_graph=*/false, learner.critic_parameters);
-    losses.actor.backward({}, /*keep_graph=*/false, /*create_graph=*/false, learner.actor_parameters);
-    losses.alpha.backward({}, /*keep_graph=*/false, /*create_graph=*/false, {{learner.log_alpha}});
-    learner.adam.step();
-    learner.alpha_adam.step();
-    soft_update(learner.target_parameters, learner.parameters, config.tau);
+    learner.step(0.5 * losses.critic, losses.actor, losses.alpha, config.tau);
     for (auto* loss : {&losses.critic, &losses.actor, &losses.alpha}) *loss = loss->detach();
     return losses;
 }
@@ -130,8 +109,10 @@ SacLearner make_learner(const SacConfig& config, const AgentSpec& spec) {
         return network;
     };
     // The same seed makes the same network twice: the target starts equal to it.
-    return {make_network(), make_network(),
-            torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_(), config};
+    return {make_network(),
+            make_network(),
+            torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_(),
+            {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}};
 }
 
 class Sac final : public Agent {
@@ -213,11 +194,7 @@ class Sac final : public Agent {
 
     StateParts parts() {
         StateParts parts;
-        parts.add("network/", *learner_.network);
-        parts.add("target/", *learner_.target);
-        parts.add("adam/", learner_.adam.state());
-        parts.add("alpha_adam/", learner_.alpha_adam.state());
-        parts.tensors["log_alpha"] = learner_.log_alpha.detach();
+        learner_.add_state(parts);
         parts.generators["random/acting"] = &acting_random_;
         parts.generators["random/update_noise"] = &noise_random_;
         parts.generators["random/evaluation"] = &evaluation_random_;

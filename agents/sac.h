@@ -10,7 +10,6 @@
 #include <memory>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include <torch/types.h>
 
@@ -18,9 +17,9 @@
 #include "agents/exploration.h"
 #include "agents/network_settings.h"
 #include "agents/replay_memory.h"
+#include "agents/soft_learner.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
-#include "networks/adam.h"
 
 namespace cale {
 
@@ -83,16 +82,7 @@ struct SacLosses {
 SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torch::Tensor& log_alpha,
                      const Batch& batch, const SacNoise& noise, const SacConfig& config);
 
-/// Everything that an update changes.
-struct SacLearner {
-    /// `target` starts as it is given: make_sac copies the network into it.
-    SacLearner(SacNetwork network, SacNetwork target, torch::Tensor log_alpha, const SacConfig& config);
-
-    SacNetwork network, target;
-    torch::Tensor log_alpha;  // [1]
-    std::vector<torch::Tensor> parameters, target_parameters, actor_parameters, critic_parameters;
-    Adam adam, alpha_adam;
-};
+using SacLearner = SoftLearner<SacNetwork>;
 
 /// One gradient step on every loss, then the target follows. Returns the losses before the
 /// step, without their graphs; the gradients stay in the parameters until the next call.

@@ -75,32 +75,11 @@ SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const 
     return {critic_loss, actor_loss, alpha_loss, q1.detach(), q2.detach(), y, entropy};
 }
 
-SacdLearner::SacdLearner(SacdNetwork network_, SacdNetwork target_, torch::Tensor log_alpha_,
-                         double target_entropy_, const SacdConfig& config)
-    : network(std::move(network_)),
-      target(std::move(target_)),
-      log_alpha(std::move(log_alpha_)),
-      target_entropy(target_entropy_),
-      parameters(network->parameters()),
-      target_parameters(target->parameters()),
-      actor_parameters(cale::actor_parameters(*network)),
-      critic_parameters(cale::critic_parameters(*network)),
-      adam(parameters, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
-      alpha_adam({log_alpha}, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}) {}
-
-SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, const SacdConfig& config) {
-    learner.adam.zero_grad();
-    learner.alpha_adam.zero_grad();
-    auto losses = sacd_losses(learner.network, learner.target, learner.log_alpha, batch,
-                              learner.target_entropy, config);
-    // The lists say where each gradient ends.
-    (0.5 * losses.critic)
-        .backward({}, /*keep_graph=*/false, /*create_graph=*/false, learner.critic_parameters);
-    losses.actor.backward({}, /*keep_graph=*/false, /*create_graph=*/false, learner.actor_parameters);
-    losses.alpha.backward({}, /*keep_graph=*/false, /*create_graph=*/false, {{learner.log_alpha}});
-    learner.adam.step();
-    learner.alpha_adam.step();
-    soft_update(learner.target_parameters, learner.parameters, config.tau);
+SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, double target_entropy,
+                       const SacdConfig& config) {
+    auto losses =
+        sacd_losses(learner.network, learner.target, learner.log_alpha, batch, target_entropy, config);
+    learner.step(0.5 * losses.critic, losses.actor, losses.alpha, config.tau);
     for (auto* loss : {&losses.critic, &losses.actor, &losses.alpha}) *loss = loss->detach();
     return losses;
 }
@@ -118,9 +97,11 @@ SacdLearner make_learner(const SacdConfig& config, const AgentSpec& spec) {
     };
     const auto log_alpha =
         torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_();
-    const auto largest_entropy = std::log(static_cast<double>(spec.num_actions));
     // The same seed makes the same network twice: the target starts equal to it.
-    return {make_network(), make_network(), log_alpha, config.target_entropy_scale * largest_entropy, config};
+    return {make_network(),
+            make_network(),
+            log_alpha,
+            {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}};
 }
 
 class Sacd final : public Agent {
@@ -128,6 +109,7 @@ class Sacd final : public Agent {
     Sacd(const SacdConfig& config, const AgentSpec& spec)
         : config_(config),
           spec_(spec),
+          target_entropy_(config.target_entropy_scale * std::log(static_cast<double>(spec.num_actions))),
           learner_(make_learner(config, spec)),
           memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
@@ -158,7 +140,8 @@ class Sacd final : public Agent {
     bool update(const torch::Tensor&) override {
         const auto updates = memory_.next_decisions().multiples_of(config_.replay.update_period);
         if (!memory_.warm()) return false;
-        for (std::int64_t i = 0; i < updates; ++i) newest_ = sacd_update(learner_, memory_.sample(), config_);
+        for (std::int64_t i = 0; i < updates; ++i)
+            newest_ = sacd_update(learner_, memory_.sample(), target_entropy_, config_);
         return updates > 0;
     }
 
@@ -194,11 +177,7 @@ class Sacd final : public Agent {
 
     StateParts parts() {
         StateParts parts;
-        parts.add("network/", *learner_.network);
-        parts.add("target/", *learner_.target);
-        parts.add("adam/", learner_.adam.state());
-        parts.add("alpha_adam/", learner_.alpha_adam.state());
-        parts.tensors["log_alpha"] = learner_.log_alpha.detach();
+        learner_.add_state(parts);
         parts.generators["random/acting"] = &acting_random_;
         parts.generators["random/evaluation"] = &evaluation_random_;
         memory_.add_state(parts);
@@ -207,6 +186,7 @@ class Sacd final : public Agent {
 
     SacdConfig config_;
     AgentSpec spec_;
+    double target_entropy_;
     SacdLearner learner_;
     ReplayMemory memory_;
     at::Generator acting_random_, evaluation_random_;

@@ -9,7 +9,6 @@
 #include <memory>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include <torch/types.h>
 
@@ -17,9 +16,9 @@
 #include "agents/exploration.h"
 #include "agents/network_settings.h"
 #include "agents/replay_memory.h"
+#include "agents/soft_learner.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
-#include "networks/adam.h"
 
 namespace cale {
 
@@ -75,21 +74,12 @@ struct SacdLosses {
 SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
                        const Batch& batch, double target_entropy, const SacdConfig& config);
 
-/// Everything that an update changes.
-struct SacdLearner {
-    SacdLearner(SacdNetwork network, SacdNetwork target, torch::Tensor log_alpha, double target_entropy,
-                const SacdConfig& config);
-
-    SacdNetwork network, target;
-    torch::Tensor log_alpha;  // [1]
-    double target_entropy;
-    std::vector<torch::Tensor> parameters, target_parameters, actor_parameters, critic_parameters;
-    Adam adam, alpha_adam;
-};
+using SacdLearner = SoftLearner<SacdNetwork>;
 
 /// One gradient step on every loss, then the target follows. Returns the losses before the
 /// step, without their graphs.
-SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, const SacdConfig& config);
+SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, double target_entropy,
+                       const SacdConfig& config);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, actor_loss, alpha_loss, alpha, entropy},
 /// charts/{learning_rate, epsilon}.

@@ -19,7 +19,7 @@ SacLearner make_learner(const SacConfig& config) {
         return SacNetwork(EncoderConfig{.encoder = config.network.encoder, .phi_dqn = config.network.phi_dqn},
                           config.network.head(), make_generator(1));
     };
-    return {make_network(), make_network(), torch::zeros({1}).requires_grad_(), config};
+    return {make_network(), make_network(), torch::zeros({1}).requires_grad_(), {}};
 }
 
 Batch make_batch() {

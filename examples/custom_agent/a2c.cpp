@@ -5,7 +5,7 @@
 
 #include <torch/torch.h>
 
-#include "agents/ppo.h"  // generalized_advantages
+#include "agents/advantages.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/adam.h"

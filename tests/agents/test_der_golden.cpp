@@ -109,7 +109,8 @@ TEST_P(DerGolden, Forward) {
 }
 
 TEST_P(DerGolden, ThreeUpdates) {
-    DerLearner learner(c.network(c.name), c.network(c.name + "/target"), c.config);
+    QLearner learner(c.network(c.name), c.network(c.name + "/target"),
+                     {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto weights = c.input("loss_weight");
     const auto initial = golden::parameters(*learner.network);

@@ -59,7 +59,8 @@ TEST_P(DqnGolden, Forward) {
 }
 
 TEST_P(DqnGolden, ThreeUpdates) {
-    DqnLearner learner(c.network(c.name), c.network(c.name + "/target"), c.config);
+    QLearner learner(c.network(c.name), c.network(c.name + "/target"),
+                     {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto initial = golden::parameters(*learner.network);
     const auto steps = c.file["steps"];

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include "agents/advantages.h"
 #include "agents/ppo.h"
 #include "agents/random.h"
 #include "golden_network.h"
@@ -21,15 +22,15 @@ struct Case : golden::NetworkCase {
         const auto hyper_node = file["hyper"];
         if (hyper_node["num_actions"]) {
             num_actions = hyper_node["num_actions"].as<std::int64_t>();
-            config.encoder = EncoderKind::phi_dqn;
+            config.network.encoder = EncoderKind::phi_dqn;
             config.torso = Torso::shared;
-            config.hidden_layers = 0;
+            config.network.hidden_layers = 0;
         } else {
             const bool phi_sac = hyper_node["encoder"].as<std::string>() == "SAC";
-            config.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
+            config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
             for (const auto& param : file["params"])
                 if (param["name"].as<std::string>() == "actor.fc1.bias")
-                    config.hidden_units = param["shape"][0].as<std::int64_t>();
+                    config.network.hidden_units = param["shape"][0].as<std::int64_t>();
         }
         config.clip = hyper("clip");
         config.clip_value_loss = hyper_node["clip_critic_loss"].as<bool>();
@@ -41,10 +42,10 @@ struct Case : golden::NetworkCase {
     }
 
     PpoNetwork network() const {
-        PpoNetwork made(PpoNetworkConfig{.encoder = {.encoder = config.encoder},
+        PpoNetwork made(PpoNetworkConfig{.encoder = {.encoder = config.network.encoder},
                                          .torso = config.torso,
-                                         .hidden_layers = config.hidden_layers,
-                                         .hidden_units = config.hidden_units},
+                                         .hidden_layers = config.network.hidden_layers,
+                                         .hidden_units = config.network.hidden_units},
                         num_actions, make_generator(1));
         golden::load_weights(*made, file, name);
         made->to(dtype);

@@ -152,22 +152,22 @@ TEST(SacLosses, NothingFollowsWhereTheDiscountIsZero) {
 
 TEST(SacUpdate, EachLossTrainsItsOwnParameters) {
     Problem p;
-    SacLearner learner(p.network, p.target, p.log_alpha, p.config);
+    SacLearner learner(p.network, p.target, p.log_alpha, {});
     // Without the critics' loss, the actor's gradient is what it is with it, and vice versa.
     auto losses = p.losses();
-    const auto critic = torch::autograd::grad({0.5 * losses.critic}, learner.critic_parameters, {}, true);
-    const auto actor = torch::autograd::grad({losses.actor}, learner.actor_parameters, {}, true);
+    const auto critic = torch::autograd::grad({0.5 * losses.critic}, learner.critic, {}, true);
+    const auto actor = torch::autograd::grad({losses.actor}, learner.actor, {}, true);
     sac_update(learner, p.batch, p.noise, p.config);
     for (std::size_t i = 0; i < critic.size(); ++i)
-        EXPECT_TRUE(torch::allclose(learner.critic_parameters[i].grad(), critic[i]));
+        EXPECT_TRUE(torch::allclose(learner.critic[i].grad(), critic[i]));
     for (std::size_t i = 0; i < actor.size(); ++i)
-        EXPECT_TRUE(torch::allclose(learner.actor_parameters[i].grad(), actor[i]));
+        EXPECT_TRUE(torch::allclose(learner.actor[i].grad(), actor[i]));
     for (const auto& parameter : learner.target_parameters) EXPECT_FALSE(parameter.grad().defined());
 }
 
 TEST(SacUpdate, TheLossesKeepNoGraph) {
     Problem p;
-    SacLearner learner(p.network, p.target, p.log_alpha, p.config);
+    SacLearner learner(p.network, p.target, p.log_alpha, {});
     const auto losses = sac_update(learner, p.batch, p.noise, p.config);
     for (const auto& loss :
          {losses.critic, losses.actor, losses.alpha, losses.q1, losses.target_values, losses.log_prob})

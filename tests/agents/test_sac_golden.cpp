@@ -41,7 +41,10 @@ SacNetwork make_network(const Case& c, const std::string& weights_case) {
 
 SacLearner make_learner(const Case& c) {
     auto log_alpha = torch::full({1}, c.hyper("log_alpha0"), c.dtype).requires_grad_();
-    return {make_network(c, c.name), make_network(c, c.name + "/target"), log_alpha, c.config};
+    return {make_network(c, c.name),
+            make_network(c, c.name + "/target"),
+            log_alpha,
+            {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon}};
 }
 
 Batch make_batch(const Case& c) {

@@ -39,9 +39,10 @@ struct Case : golden::NetworkCase {
     }
 
     SacdLearner learner() const {
-        return {network(name), network(name + "/target"),
-                torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(), hyper("target_entropy"),
-                config};
+        return {network(name),
+                network(name + "/target"),
+                torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(),
+                {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}};
     }
 
     Batch batch() const {
@@ -75,7 +76,7 @@ TEST_P(SacdGolden, Forward) {
     c.expect(next_q.q1, target, "q1", c.tolerance.forward);
     c.expect(next_q.q2, target, "q2", c.tolerance.forward);
     const auto losses = sacd_losses(learner.network, learner.target, learner.log_alpha, batch,
-                                    learner.target_entropy, c.config);
+                                    c.hyper("target_entropy"), c.config);
     c.expect(losses.target_values, target, "y", c.tolerance.forward);
     c.expect(losses.entropy, online, "entropy", c.tolerance.forward);
 }
@@ -87,7 +88,7 @@ TEST_P(SacdGolden, ThreeUpdates) {
     const auto initial_target = golden::parameters(*learner.target);
     const auto steps = c.file["steps"];
     for (std::size_t step = 0; step < steps.size(); ++step) {
-        const auto losses = sacd_update(learner, batch, c.config);
+        const auto losses = sacd_update(learner, batch, c.hyper("target_entropy"), c.config);
         const double tolerance = step == 0 ? c.tolerance.loss_first : c.tolerance.loss_later;
         c.expect(losses.critic, steps[step], "critic_loss", tolerance);
         c.expect(losses.actor, steps[step], "policy_loss", tolerance);

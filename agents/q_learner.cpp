@@ -1,0 +1,44 @@
+#include "agents/q_learner.h"
+
+#include <utility>
+
+#include <torch/torch.h>
+
+#include "agents/random.h"
+
+namespace cale {
+
+QLearner::QLearner(QNetwork network_, QNetwork target_, const AdamConfig& adam_config)
+    : network(std::move(network_)), target(std::move(target_)), adam(network->parameters(), adam_config) {}
+
+void QLearner::step(const torch::Tensor& loss) {
+    adam.zero_grad();
+    loss.backward();
+    adam.step();
+}
+
+void QLearner::copy_to_target() {
+    hard_update(target->parameters(), network->parameters());
+}
+
+void QLearner::add_state(StateParts& parts) {
+    parts.add("network/", *network);
+    parts.add("target/", *target);
+    parts.add("adam/", adam.state());
+}
+
+QLearner make_q_learner(EncoderKind encoder, const QHeadConfig& head, const AdamConfig& adam_config,
+                        const AgentSpec& spec, std::uint64_t seed) {
+    const auto make_network = [&] {
+        QNetwork network(EncoderConfig{.encoder = encoder,
+                                       .stack = spec.stack,
+                                       .frame_height = spec.frame_height,
+                                       .frame_width = spec.frame_width},
+                         head, make_generator(seed));
+        network->to(spec.device);
+        return network;
+    };
+    return {make_network(), make_network(), adam_config};  // the same seed makes the same network
+}
+
+}  // namespace cale
