@@ -184,13 +184,12 @@ struct ReplayBuffer::Impl {
         }
     }
 
-    // The storage held the transitions [begin, end) until now.
+    // The storage held the transitions [begin, end) until now. In this order: a new one may lie
+    // where a dropped one was.
     void follow_storage(std::int64_t begin, std::int64_t end) {
         for (std::int64_t dropped = begin; dropped < storage.transitions_begin; ++dropped)
             priorities->set(dropped % config.capacity, 0);
-        // A new one may have been dropped, too, or lie where a dropped one was.
-        for (std::int64_t added = std::max(end, storage.transitions_begin); added < storage.transitions_end;
-             ++added)
+        for (std::int64_t added = end; added < storage.transitions_end; ++added)
             priorities->set(added % config.capacity, largest_priority);
     }
 

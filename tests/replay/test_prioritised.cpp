@@ -158,7 +158,7 @@ class NaivePriorities {
 // Both rings wrap, environments pause, windows are cut off: a transition that is dropped takes
 // its priority with it, and all that is left has the priority it was given.
 TEST(PrioritisedReplay, NeverDrawsWhatWasDropped) {
-    for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    for (std::uint64_t seed = 0; seed < 100; ++seed) {
         SCOPED_TRACE(seed);
         Fuzz fuzz(2000 + seed);
         ReplayConfig config = fuzz.config();
