@@ -14,7 +14,6 @@
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
-#include "replay/rollout.h"
 
 namespace cale {
 
@@ -30,6 +29,11 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation }
 
 std::span<const std::string_view> names_of(Minibatches) {
     static constexpr std::array<std::string_view, 2> names{"shuffled", "contiguous"};
+    return names;
+}
+
+std::span<const std::string_view> names_of(StackAfterUpdate) {
+    static constexpr std::array<std::string_view, 2> names{"correct", "repeated"};
     return names;
 }
 
@@ -98,6 +102,13 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
     return losses;
 }
 
+torch::Tensor with_repeated_frame(const torch::Tensor& observations, const torch::Tensor& frame,
+                                  std::int64_t newer) {
+    const auto split = observations.size(1) - newer;
+    const auto repeated = frame.unsqueeze(0).unsqueeze(0);
+    return torch::cat({observations.slice(1, 1, split), repeated, observations.slice(1, split)}, 1);
+}
+
 // Agent -------------------------------------------------------------------------------
 
 namespace {
@@ -129,15 +140,19 @@ class Ppo final : public Agent {
                     .frame_width = spec.frame_width,
                     .action_size = spec.num_actions == 0 ? kActionSize : 0,
                     .reward_scale = config.reward_scale,
-                    .reward_clip = config.reward_clip}),
+                    .reward_clip = config.reward_clip,
+                    .replay_terminal = config.replay_terminal}),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
 
-    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+    torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
         auto& random = training ? acting_random_ : evaluation_random_;
+        const bool repeats = training && repeated_frame_.defined() && decisions_since_update_ < spec_.stack;
+        const auto observations =
+            repeats ? with_repeated_frame(seen, repeated_frame_, decisions_since_update_++) : seen;
         if (training) rollout_.set_observations(observations);
         // The policy is sampled in evaluation too, as the reference does.
         const auto policy = learner_.network(observations.to(spec_.device)).policy;
@@ -151,12 +166,19 @@ class Ppo final : public Agent {
     void observe(const Experiences& seen) override {
         rollout_.add(seen.actions, seen.results, seen.final_frames);
         training_steps_ += spec_.num_envs;
+        if (config_.stack_after_update == StackAfterUpdate::correct) return;
+        const auto& result = seen.results[0];
+        if (result.terminal || result.truncated) repeated_frame_ = torch::Tensor();  // the stack starts anew
+        previous_frame_ = torch::empty({spec_.frame_height, spec_.frame_width}, torch::kUInt8);
+        std::copy(seen.frames.begin(), seen.frames.end(), previous_frame_.data_ptr<std::uint8_t>());
     }
 
     bool update(const torch::Tensor& observations) override {
         if (!rollout_.full()) return false;
-        learn(observations);
+        learn(rollout_.next_observation.defined() ? rollout_.next_observation : observations);
         rollout_.clear();
+        repeated_frame_ = previous_frame_;
+        decisions_since_update_ = 0;
         return true;
     }
 
@@ -277,6 +299,8 @@ class Ppo final : public Agent {
     ActionBox box_ = joystick_box();
     Rollout rollout_;
     std::int64_t training_steps_ = 0;
+    torch::Tensor previous_frame_, repeated_frame_;  // [H, W], for StackAfterUpdate::repeated
+    std::int64_t decisions_since_update_ = 0;
     at::Generator acting_random_, shuffling_random_, evaluation_random_;
     std::map<std::string, double> newest_;
 };
@@ -289,6 +313,9 @@ std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) 
         throw std::invalid_argument("agent.rollout_steps is " + std::to_string(config.rollout_steps) +
                                     ", which is no multiple of " + name + " = " + std::to_string(of));
     };
+    if (config.stack_after_update == StackAfterUpdate::repeated && spec.num_envs != 1)
+        throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +
+                                    std::to_string(spec.num_envs));
     require_multiple(spec.num_envs, "env.num_envs");
     require_multiple(config.minibatch_size, "agent.minibatch_size");
     return std::make_unique<Ppo>(config, spec);

@@ -18,11 +18,14 @@
 #include "cale/fields.h"
 #include "networks/adam.h"
 #include "networks/ppo_network.h"
+#include "replay/rollout.h"
 
 namespace cale {
 
 enum class Minibatches { shuffled, contiguous };
+enum class StackAfterUpdate { correct, repeated };
 std::span<const std::string_view> names_of(Minibatches);
+std::span<const std::string_view> names_of(StackAfterUpdate);
 
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig {
@@ -48,6 +51,8 @@ struct PpoConfig {
     double adam_epsilon = 1e-5;
     double reward_scale = 1;
     std::optional<double> reward_clip = std::nullopt;
+    ReplayTerminal replay_terminal = ReplayTerminal::corrected;
+    StackAfterUpdate stack_after_update = StackAfterUpdate::correct;
     Exploration exploration = Exploration::standard;
     EpsilonSettings epsilon;
 };
@@ -81,6 +86,11 @@ void fields(PpoConfig& config, Visit&& visit) {
     visit("reward_scale", config.reward_scale, Range{0, 1e9}, "factor of every reward");
     visit("reward_clip", config.reward_clip, Range{0, 1e9},
           "rewards are clipped to plus or minus this; none: off");
+    visit(
+        "replay_terminal", config.replay_terminal,
+        "corrected: every step of an episode once; dopamine: the reference's accumulator (one environment)");
+    visit("stack_after_update", config.stack_after_update,
+          "correct; repeated: the frame before is seen again after an update, as released (one environment)");
     visit("exploration", config.exploration,
           "standard: the policy's own noise; epsilon_greedy: uniform with probability epsilon");
     fields(config.epsilon, visit);
@@ -115,6 +125,12 @@ struct PpoLearner {
 
 /// One gradient step. Returns the losses before it, without their graph.
 PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
+
+/// What StackAfterUpdate::repeated shows of observations [1, stack, H, W]: after an update the reference
+/// pushes the frame [H, W] before the newest onto its stack once more, where it has stayed while `newer`
+/// frames came.
+torch::Tensor with_repeated_frame(const torch::Tensor& observations, const torch::Tensor& frame,
+                                  std::int64_t newer);
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},
 /// charts/{learning_rate, epsilon}.

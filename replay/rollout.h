@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "cale/env.h"
+#include "replay/accumulator.h"
 
 namespace cale {
 
@@ -21,10 +22,15 @@ struct RolloutConfig {
     std::int64_t action_size = 3;  // continuous coordinates; 0: one discrete action
     double reward_scale = 1;
     std::optional<double> reward_clip = std::nullopt;  // before the scale
+    /// corrected: every step once. dopamine: what the reference's PPO finds in its replay, which loses an
+    /// episode's last reward and repeats the step before it; for one environment.
+    ReplayTerminal replay_terminal = ReplayTerminal::corrected;
 };
 
 /// T steps of N environments, on the CPU.
-struct Rollout {
+class Rollout {
+  public:
+    /// Throws std::invalid_argument for the dopamine rule with several environments.
     explicit Rollout(const RolloutConfig& config);
 
     /// What the actions of the next step are chosen on: [N, stack, H, W] uint8.
@@ -36,6 +42,7 @@ struct Rollout {
              std::span<const std::uint8_t> final_frames);
 
     bool full() const { return steps == config.length; }
+    /// Forgets everything, an unfinished episode included.
     void clear();
 
     RolloutConfig config;
@@ -44,6 +51,8 @@ struct Rollout {
     torch::Tensor action;       // [T, N, action_size] float32, or [T, N] int64
     torch::Tensor reward;       // [T, N] float32, clipped and scaled
     torch::Tensor terminal;     // [T, N] float32: 1 where the episode ended or was cut off
+    /// What follows the last step, [1, stack, H, W]: defined by the dopamine rule only, in a full rollout.
+    torch::Tensor next_observation;
 
     /// Where an episode was cut off, and the observation [stack, H, W] that it was left with: what would have
     /// followed still counts.
@@ -52,6 +61,24 @@ struct Rollout {
         torch::Tensor observation;
     };
     std::vector<Truncation> truncations;
+
+  private:
+    /// A transition of the dopamine rule.
+    struct Element {
+        std::vector<FrameId> observation, next_observation;
+        float reward = 0;
+        float terminal = 0;
+    };
+    void add_by_dopamines_rule(const torch::Tensor& chosen, float scaled_reward, const StepResult& result);
+    void lay_out_elements();
+    torch::Tensor stacked(const std::vector<FrameId>& ids) const;
+
+    torch::Tensor newest_;  // [stack, H, W] that the next action is chosen on
+    Accumulator accumulator_;
+    std::vector<torch::Tensor> frames_;         // by FrameId
+    std::vector<torch::Tensor> frame_actions_;  // chosen on them
+    std::vector<Element> elements_;
+    std::size_t surplus_ = 0;  // elements beyond the rollout's length
 };
 
 }  // namespace cale
