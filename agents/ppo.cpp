@@ -12,6 +12,7 @@
 
 #include "agents/advantages.h"
 #include "agents/random.h"
+#include "agents/repeated_frame.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
 
@@ -102,13 +103,6 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
     return losses;
 }
 
-torch::Tensor with_repeated_frame(const torch::Tensor& observations, const torch::Tensor& frame,
-                                  std::int64_t newer) {
-    const auto split = observations.size(1) - newer;
-    const auto repeated = frame.unsqueeze(0).unsqueeze(0);
-    return torch::cat({observations.slice(1, 1, split), repeated, observations.slice(1, split)}, 1);
-}
-
 // Agent -------------------------------------------------------------------------------
 
 namespace {
@@ -150,9 +144,7 @@ class Ppo final : public Agent {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
         auto& random = training ? acting_random_ : evaluation_random_;
-        const bool repeats = training && repeated_frame_.defined() && decisions_since_update_ < spec_.stack;
-        const auto observations =
-            repeats ? with_repeated_frame(seen, repeated_frame_, decisions_since_update_++) : seen;
+        const auto observations = training && repeats() ? repeated_frame_.next(seen) : seen;
         if (training) rollout_.set_observations(observations);
         // The policy is sampled in evaluation too, as the reference does.
         const auto policy = learner_.network(observations.to(spec_.device)).policy;
@@ -166,19 +158,14 @@ class Ppo final : public Agent {
     void observe(const Experiences& seen) override {
         rollout_.add(seen.actions, seen.results, seen.final_frames);
         training_steps_ += spec_.num_envs;
-        if (config_.stack_after_update == StackAfterUpdate::correct) return;
-        const auto& result = seen.results[0];
-        if (result.terminal || result.truncated) repeated_frame_ = torch::Tensor();  // the stack starts anew
-        previous_frame_ = torch::empty({spec_.frame_height, spec_.frame_width}, torch::kUInt8);
-        std::copy(seen.frames.begin(), seen.frames.end(), previous_frame_.data_ptr<std::uint8_t>());
+        if (repeats()) repeated_frame_.remember(seen.frames, seen.results[0]);
     }
 
     bool update(const torch::Tensor& observations) override {
         if (!rollout_.full()) return false;
         learn(rollout_.next_observation.defined() ? rollout_.next_observation : observations);
         rollout_.clear();
-        repeated_frame_ = previous_frame_;
-        decisions_since_update_ = 0;
+        if (repeats()) repeated_frame_.push();
         return true;
     }
 
@@ -199,6 +186,8 @@ class Ppo final : public Agent {
     void load_memory(const std::string&) override {}
 
   private:
+    bool repeats() const { return config_.stack_after_update == StackAfterUpdate::repeated; }
+
     double epsilon() const {
         return linearly_decaying_epsilon(config_.epsilon.epsilon_decay_period, training_steps_, 0,
                                          config_.epsilon.epsilon_train);
@@ -299,8 +288,7 @@ class Ppo final : public Agent {
     ActionBox box_ = joystick_box();
     Rollout rollout_;
     std::int64_t training_steps_ = 0;
-    torch::Tensor previous_frame_, repeated_frame_;  // [H, W], for StackAfterUpdate::repeated
-    std::int64_t decisions_since_update_ = 0;
+    RepeatedFrame repeated_frame_;
     at::Generator acting_random_, shuffling_random_, evaluation_random_;
     std::map<std::string, double> newest_;
 };

@@ -126,12 +126,6 @@ struct PpoLearner {
 /// One gradient step. Returns the losses before it, without their graph.
 PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
 
-/// What StackAfterUpdate::repeated shows of observations [1, stack, H, W]: after an update the reference
-/// pushes the frame [H, W] before the newest onto its stack once more, where it has stayed while `newer`
-/// frames came.
-torch::Tensor with_repeated_frame(const torch::Tensor& observations, const torch::Tensor& frame,
-                                  std::int64_t newer);
-
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},
 /// charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/.... A rollout under way is

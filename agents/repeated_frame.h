@@ -1,0 +1,29 @@
+// A defect of the reference's PPO, for those who chase its curves.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include <torch/types.h>
+
+#include "cale/env.h"
+
+namespace cale {
+
+/// After an update the reference pushes the frame before the newest onto its stack once more, where it stays
+/// until the stack has been filled with newer ones or a new episode begins. One environment.
+class RepeatedFrame {
+  public:
+    /// The frame [H * W] that the last action was chosen on, and what followed.
+    void remember(std::span<const std::uint8_t> frame, const StepResult& result);
+    /// An update happened.
+    void push();
+    /// What the reference sees of the next observations [1, stack, H, W] uint8.
+    torch::Tensor next(const torch::Tensor& observations);
+
+  private:
+    torch::Tensor previous_, repeated_;  // [H * W]
+    std::int64_t newer_ = 0;             // frames pushed since
+};
+
+}  // namespace cale
