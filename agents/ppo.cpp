@@ -48,6 +48,11 @@ PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const P
     require_shape("ppo_losses", "the return", minibatch.returns, {size});
 
     const auto [policy, value] = network(minibatch.observation);
+    if (policy.gaussian) {
+        require_shape("ppo_losses", "the action", minibatch.action, {size, kActionSize});
+    } else {
+        require_shape("ppo_losses", "the action", minibatch.action, {size});
+    }
     const auto new_log_prob = log_prob(policy, minibatch.action, network->box);
 
     // PPO's equation 7, on normalised advantages.

@@ -41,11 +41,13 @@ Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, at::Generato
                                     shape_text({config.stack, config.frame_height, config.frame_width}));
     }
     std::int64_t channels = config.stack;
+    // Impala's residual blocks add what goes into them to what comes out: both have one size.
+    const auto padding = config.encoder == EncoderKind::impala ? Padding::same : config.padding;
     const auto add = [&](const std::string& name, std::int64_t out, std::int64_t kernel, std::int64_t stride,
                          const Initialiser& own) {
         const auto& initialise = config.initialise ? config.initialise : own;
-        convs_.push_back(owner.register_module(
-            name, Conv(channels, out, kernel, stride, initialise, generator, config.padding)));
+        convs_.push_back(
+            owner.register_module(name, Conv(channels, out, kernel, stride, initialise, generator, padding)));
         channels = out;
     };
     switch (config.encoder) {

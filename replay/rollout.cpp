@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -11,6 +12,13 @@
 namespace cale {
 
 namespace {
+
+void require_shape(const char* what, const torch::Tensor& tensor, at::IntArrayRef expected) {
+    if (tensor.sizes() == expected) return;
+    std::ostringstream message;
+    message << "the rollout takes " << what << " of shape " << expected << ", not " << tensor.sizes();
+    throw std::invalid_argument(message.str());
+}
 
 ReplayConfig one_step(const RolloutConfig& config) {
     return {.num_envs = config.num_envs,
@@ -39,6 +47,7 @@ Rollout::Rollout(const RolloutConfig& rollout_config)
 
 void Rollout::set_observations(const torch::Tensor& observations) {
     if (full()) throw std::logic_error("a full rollout was not learned from before the next decision");
+    require_shape("observations", observations, observation.sizes().slice(1));
     if (config.replay_terminal == ReplayTerminal::dopamine) {
         newest_ = observations[0].clone();
     } else {
@@ -50,16 +59,21 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
                   std::span<const std::uint8_t> final_frames) {
     if (full()) throw std::logic_error("a full rollout cannot take another step");
     const auto count = static_cast<std::size_t>(config.num_envs);
-    if (results.size() != count || actions.sizes() != action[steps].sizes()) {
-        throw std::invalid_argument("the rollout expects the results and actions of " +
-                                    std::to_string(count) + " environments, not of " +
-                                    std::to_string(results.size()));
+    if (results.size() != count) {
+        throw std::invalid_argument("the rollout expects the results of " + std::to_string(count) +
+                                    " environments, not of " + std::to_string(results.size()));
     }
+    require_shape("actions", actions, action.sizes().slice(1));
     if (config.replay_terminal == ReplayTerminal::corrected) action[steps].copy_(actions);
+    const auto frame_size = static_cast<std::size_t>(config.frame_height * config.frame_width);
+    const bool cut_off = std::any_of(results.begin(), results.end(), [](const StepResult& result) {
+        return result.truncated && !result.terminal;
+    });
+    if (cut_off && final_frames.size() != count * frame_size)
+        throw std::invalid_argument("where an episode is cut off the rollout needs its final frame");
     auto* rewards = reward[steps].data_ptr<float>();
     auto* terminals = terminal[steps].data_ptr<float>();
     const auto limit = static_cast<float>(config.reward_clip.value_or(INFINITY));
-    const auto frame_size = static_cast<std::size_t>(config.frame_height * config.frame_width);
     for (std::size_t env = 0; env < count; ++env) {
         const auto& result = results[env];
         if (!std::isfinite(result.reward)) {

@@ -22,7 +22,7 @@ PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
                                                     .stack = spec.stack,
                                                     .frame_height = spec.frame_height,
                                                     .frame_width = spec.frame_width},
-                                        .torso = Torso::shared,
+                                        .torso = Torso::two_branch,
                                         .hidden_layers = 0},
                        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);

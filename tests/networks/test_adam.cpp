@@ -85,5 +85,47 @@ TEST(Targets, SoftUpdateMovesByTau) {
     EXPECT_THROW(soft_update(target, {online[0]}, 0.1), std::invalid_argument);
 }
 
+/// Two parameters whose gradients have a norm of 3 together.
+std::vector<torch::Tensor> parameters_with_gradients() {
+    std::vector<torch::Tensor> parameters{torch::zeros({2}).requires_grad_(),
+                                          torch::zeros({1}).requires_grad_()};
+    set_gradient(parameters[0], torch::tensor({2.0f, -2.0f}));
+    set_gradient(parameters[1], torch::tensor({1.0f}));
+    return parameters;
+}
+
+TEST(ClipGradientNorm, ScalesAllGradientsDownToTheLargestNorm) {
+    const auto parameters = parameters_with_gradients();
+    EXPECT_FLOAT_EQ(clip_gradient_norm(parameters, 1.5).item<float>(), 3);
+    EXPECT_TRUE(torch::allclose(parameters[0].grad(), torch::tensor({1.0f, -1.0f})));
+    EXPECT_TRUE(torch::allclose(parameters[1].grad(), torch::tensor({0.5f})));
+}
+
+TEST(ClipGradientNorm, LeavesShorterGradientsAlone) {
+    const auto parameters = parameters_with_gradients();
+    EXPECT_FLOAT_EQ(clip_gradient_norm(parameters, 3.5).item<float>(), 3);
+    EXPECT_TRUE(torch::equal(parameters[0].grad(), torch::tensor({2.0f, -2.0f})));
+    EXPECT_TRUE(torch::equal(parameters[1].grad(), torch::tensor({1.0f})));
+}
+
+TEST(ClipGradientNorm, LeavesZerosZero) {
+    auto parameter = torch::zeros({2}).requires_grad_();
+    set_gradient(parameter, torch::zeros({2}));
+    EXPECT_EQ(clip_gradient_norm({parameter}, 0.5).item<float>(), 0);
+    EXPECT_TRUE(torch::equal(parameter.grad(), torch::zeros({2})));
+}
+
+TEST(Adam, TheLearningRateMayChangeUnderWay) {
+    auto parameter = torch::zeros({1}, torch::kFloat64).requires_grad_();
+    Adam adam({parameter}, {.learning_rate = 0.5, .epsilon = 1e-12});
+    set_gradient(parameter, torch::ones({1}, torch::kFloat64));
+    adam.step();  // along a constant gradient each step is one learning rate long
+    EXPECT_NEAR(parameter.item<double>(), -0.5, 1e-9);
+    adam.set_learning_rate(0.25);
+    EXPECT_EQ(adam.learning_rate(), 0.25);
+    adam.step();
+    EXPECT_NEAR(parameter.item<double>(), -0.75, 1e-9);
+}
+
 }  // namespace
 }  // namespace cale

@@ -185,5 +185,54 @@ TEST(Encoder, DoublePrecisionAgreesWithSingle) {
     }
 }
 
+TEST(Encoder, UnpaddedItHasTheShapesOfMnihEtAl) {
+    // 84 -> 20 -> 9 -> 7
+    const auto features = [](EncoderKind kind, std::int64_t side) {
+        const EncoderConfig config{
+            .encoder = kind, .frame_height = side, .frame_width = side, .padding = Padding::valid};
+        return ConvEncoder(config, generator())->size();
+    };
+    EXPECT_EQ(features(EncoderKind::phi_dqn, 84), 7 * 7 * 64);
+    EXPECT_EQ(features(EncoderKind::phi_dqn, 36), 1 * 1 * 64);
+    EXPECT_EQ(features(EncoderKind::phi_sac, 84), 35 * 35 * 32);
+}
+
+TEST(ConvEncoder, IsATrunkAndNothingElse) {
+    const torch::NoGradGuard no_grad;
+    const EncoderConfig config{.encoder = EncoderKind::phi_dqn, .frame_height = 20, .frame_width = 20};
+    ConvEncoder alone(config, generator());
+    auto branched = make(config);
+    EXPECT_EQ(names(*alone), (std::set<std::string>{"conv1.weight", "conv1.bias", "conv2.weight",
+                                                    "conv2.bias", "conv3.weight", "conv3.bias"}));
+    const auto x = frames(2, 4, 20, 20);
+    EXPECT_EQ(alone(x).sizes(), (std::vector<std::int64_t>{2, alone->size()}));
+    EXPECT_TRUE(torch::equal(alone(x), branched->trunk(x)));
+}
+
+TEST(SharedEncoder, IsATrunkAndADenseLayerThatAreTrainedTogether) {
+    SharedEncoder encoder(EncoderConfig{.encoder = EncoderKind::phi_dqn, .padding = Padding::valid}, 512,
+                          orthogonal(), generator());
+    EXPECT_EQ(encoder->named_parameters()["fc.weight"].sizes(), (std::vector<std::int64_t>{512, 3136}));
+    const auto z = encoder(frames(2));
+    EXPECT_EQ(z.sizes(), (std::vector<std::int64_t>{2, 512}));
+    EXPECT_EQ(z.min().item<float>(), 0);  // rectified
+    EXPECT_GT(z.max().item<float>(), 0);
+    z.sum().backward();
+    for (const auto& parameter : encoder->named_parameters())
+        EXPECT_GT(parameter.value().grad().abs().max().item<float>(), 0) << parameter.key();
+}
+
+TEST(SharedEncoder, AnInitialiserOfTheCallersServesItsConvolutionsToo) {
+    const auto twos = [](torch::Tensor& weight, const at::Generator&) {
+        torch::nn::init::constant_(weight, 2);
+    };
+    SharedEncoder encoder(
+        EncoderConfig{.encoder = EncoderKind::phi_dqn, .padding = Padding::valid, .initialise = twos}, 16,
+        orthogonal(), generator());
+    for (const auto* name : {"conv1.weight", "conv2.weight", "conv3.weight"})
+        EXPECT_TRUE((encoder->named_parameters()[name] == 2).all().item<bool>()) << name;
+    EXPECT_FALSE((encoder->named_parameters()["fc.weight"] == 2).any().item<bool>());
+}
+
 }  // namespace
 }  // namespace cale

@@ -117,5 +117,79 @@ TEST(SquashedGaussian, GradientsReachMeanAndDeviationThroughTheSample) {
     EXPECT_TRUE((output.grad() > 0).all().item<bool>());
 }
 
+TEST(SquashedGaussian, DensityOfAGivenActionIsThatOfItsOwnSample) {
+    const auto box = double_box();
+    const SquashedGaussian policy{torch::randn({64, 3}, generator(1), kDouble),
+                                  0.5 * torch::randn({64, 3}, generator(2), kDouble)};
+    const auto drawn = sample(policy, torch::randn({64, 3}, generator(3), kDouble), box);
+    EXPECT_TRUE(torch::allclose(log_prob(policy, drawn.action, box), drawn.log_prob, 1e-6, 1e-6));
+}
+
+TEST(SquashedGaussian, DensityOnTheBoxsBorderIsFinite) {
+    const auto box = joystick_box();
+    const auto mean = torch::zeros({2, 3}, torch::requires_grad());
+    const auto corners = torch::stack({box.centre - box.half_width, box.centre + box.half_width});
+    const auto density = log_prob({mean, torch::zeros({2, 3})}, corners, box);
+    EXPECT_TRUE(density.isfinite().all().item<bool>());
+    density.sum().backward();
+    EXPECT_TRUE(mean.grad().isfinite().all().item<bool>());
+}
+
+TEST(SquashedGaussian, DensityOfAGivenActionTrainsMeanAndDeviation) {
+    const auto box = double_box();
+    const auto mean = torch::zeros({1, 3}, kDouble).requires_grad_();
+    const auto log_std = torch::zeros({1, 3}, kDouble).requires_grad_();
+    const auto u = torch::tensor({{0.5, -1.0, 2.0}}, kDouble);
+    log_prob({mean, log_std}, box.centre + box.half_width * u.tanh(), box).sum().backward();
+    // d/dm -(u - m)^2 / 2 and d/ds (-u^2 exp(-2 s) / 2 - s) where m = s = 0.
+    EXPECT_TRUE(torch::allclose(mean.grad(), u, 1e-6));
+    EXPECT_TRUE(torch::allclose(log_std.grad(), u.square() - 1, 1e-6));
+}
+
+TEST(GaussianActor, StartsWithADeviationOfOneInEveryState) {
+    for (const auto kind : {LogStd::summed, LogStd::direct}) {
+        GaussianActor actor(5, 3, HeadConfig{.hidden_layers = 2, .hidden_units = 64}, kind, generator());
+        const auto policy = actor(torch::randn({4, 5}, generator(2)));
+        EXPECT_EQ(policy.mean.sizes(), (std::vector<std::int64_t>{4, 3}));
+        EXPECT_FALSE(torch::allclose(policy.mean[0], policy.mean[1]));
+        EXPECT_TRUE(torch::equal(policy.log_std, torch::zeros({4, 3})));
+    }
+}
+
+TEST(GaussianActor, DeviationIsOneNumberPerCoordinateOrAnAddedUpRow) {
+    const torch::NoGradGuard no_grad;
+    const HeadConfig head{.hidden_layers = 2, .hidden_units = 64};
+    GaussianActor direct(5, 3, head, LogStd::direct, generator());
+    EXPECT_EQ(direct->named_parameters()["log_std"].sizes(), (std::vector<std::int64_t>{3}));
+    direct->named_parameters()["log_std"].copy_(torch::tensor({-1.0f, 0.0f, 2.0f}));
+    const auto x = torch::randn({4, 5}, generator(2));
+    EXPECT_TRUE(torch::equal(direct(x).log_std, torch::tensor({-1.0f, 0.0f, 2.0f}).expand({4, 3})));
+
+    GaussianActor summed(5, 3, head, LogStd::summed, generator());
+    ASSERT_EQ(summed->named_parameters()["log_std.weight"].sizes(), (std::vector<std::int64_t>{3, 64}));
+    summed->named_parameters()["log_std.weight"][1].fill_(0.25);
+    summed->named_parameters()["log_std.bias"].copy_(torch::tensor({1.0f, 1.0f, 0.0f}));
+    EXPECT_TRUE(torch::allclose(summed(x).log_std, torch::tensor({1.0f, 17.0f, 0.0f}).expand({4, 3})));
+    // The same features, or none in between, lead to the same means.
+    EXPECT_TRUE(torch::equal(direct(x).mean, summed(x).mean));
+    GaussianActor flat(5, 3, HeadConfig{.hidden_layers = 0}, LogStd::summed, generator());
+    EXPECT_EQ(flat->named_parameters()["log_std.weight"].sizes(), (std::vector<std::int64_t>{3, 5}));
+}
+
+// What makes Adam move a summed deviation 65 times as fast: each parameter has the sum's own gradient.
+TEST(GaussianActor, EveryPartOfASummedDeviationIsTrainedAlike) {
+    GaussianActor actor(5, 3, HeadConfig{.hidden_layers = 1, .hidden_units = 64}, LogStd::summed,
+                        generator());
+    actor(torch::randn({4, 5}, generator(2))).log_std.sum().backward();
+    EXPECT_TRUE(torch::equal(actor->named_parameters()["log_std.weight"].grad(), torch::full({3, 64}, 4.0f)));
+    EXPECT_TRUE(torch::equal(actor->named_parameters()["log_std.bias"].grad(), torch::full({3}, 4.0f)));
+}
+
+TEST(ValuesOf, TakesOneValuePerRow) {
+    const auto values = torch::tensor({{1.0f, 2.0f, 3.0f}, {4.0f, 5.0f, 6.0f}});
+    EXPECT_TRUE(
+        torch::equal(values_of(values, torch::tensor({2, 0}, torch::kInt64)), torch::tensor({3.0f, 4.0f})));
+}
+
 }  // namespace
 }  // namespace cale

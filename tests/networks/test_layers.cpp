@@ -67,6 +67,67 @@ TEST(Dense, IsAffineWithABiasThatStartsAtZero) {
     EXPECT_TRUE(torch::allclose(dense(x), x.mm(dense->weight.t()) + dense->bias));
 }
 
+// Noisy layers ------------------------------------------------------------------------
+
+/// sign(x) sqrt|x|, number by number.
+double squashed(const torch::Tensor& x, std::int64_t i) {
+    const double number = x[i].item<double>();
+    return std::copysign(std::sqrt(std::abs(number)), number);
+}
+
+TEST(NoisyDense, EqualsItsWeightsWrittenDown) {
+    const torch::NoGradGuard no_grad;
+    NoisyDense layer(5, 3, 0.5, generator());
+    layer->to(torch::kFloat64);
+    // Sigmas of their own: at first they are all alike.
+    layer->weight_sigma.uniform_(-1, 1, generator(2));
+    layer->bias_sigma.uniform_(-1, 1, generator(3));
+    const FactorisedNoise noise{torch::randn({5}, generator(4), torch::kFloat64),
+                                torch::randn({3}, generator(5), torch::kFloat64)};
+    auto weight = layer->weight_mu.clone(), bias = layer->bias_mu.clone();
+    for (std::int64_t out = 0; out < 3; ++out) {
+        bias[out] += layer->bias_sigma[out] * squashed(noise.output, out);
+        for (std::int64_t in = 0; in < 5; ++in)
+            weight[out][in] +=
+                layer->weight_sigma[out][in] * squashed(noise.output, out) * squashed(noise.input, in);
+    }
+    const auto x = torch::randn({7, 5}, generator(6), torch::kFloat64);
+    EXPECT_TRUE(torch::allclose(layer(x, &noise), x.mm(weight.t()) + bias, 1e-12, 1e-12));
+}
+
+TEST(NoisyDense, IsItsMeanWithoutNoise) {
+    const torch::NoGradGuard no_grad;
+    NoisyDense layer(5, 3, 0.5, generator());
+    const auto x = torch::randn({7, 5}, generator(2));
+    const auto mean = x.mm(layer->weight_mu.t()) + layer->bias_mu;
+    EXPECT_TRUE(torch::allclose(layer(x), mean, 1e-5, 1e-6));
+    const FactorisedNoise none{torch::zeros({5}), torch::zeros({3})};
+    EXPECT_TRUE(torch::allclose(layer(x, &none), mean, 1e-5, 1e-6));
+}
+
+TEST(NoisyDense, StartsWithTheValuesOfTheReference) {
+    const NoisyDense layer(400, 100, 0.1, generator());
+    const double bound = 1 / std::sqrt(400.0);
+    for (const auto& mu : {layer->weight_mu, layer->bias_mu}) {
+        EXPECT_LE(mu.abs().max().item<double>(), bound);
+        EXPECT_GT(mu.abs().max().item<double>(), 0.9 * bound);
+        EXPECT_NEAR(mu.mean().item<double>(), 0, 0.2 * bound);
+    }
+    EXPECT_NEAR(mean_square(layer->weight_mu), bound * bound / 3, 0.02 * bound * bound);
+    EXPECT_TRUE(torch::equal(layer->weight_sigma, torch::full({100, 400}, 0.1 * bound)));
+    EXPECT_TRUE(torch::equal(layer->bias_sigma, torch::full({100}, 0.1 * bound)));
+}
+
+TEST(NoisyDense, TrainsBothItsMeansAndItsNoise) {
+    NoisyDense layer(5, 3, 0.5, generator());
+    const FactorisedNoise noise{torch::ones({5}), torch::ones({3})};
+    layer(torch::ones({2, 5}), &noise).sum().backward();
+    for (const auto& parameter : layer->named_parameters())
+        EXPECT_GT(parameter.value().grad().abs().min().item<float>(), 0) << parameter.key();
+}
+
+// Convolutions ------------------------------------------------------------------------
+
 TEST(SamePadding, MatchesTheReference) {
     using Zeros = std::pair<std::int64_t, std::int64_t>;
     EXPECT_EQ(same_padding(84, 3, 2), Zeros(0, 1));
@@ -123,6 +184,18 @@ TEST(Conv, ByRowsEqualsATwoDimensionalConvolutionOverOneRowAtATime) {
         const auto rows_as_batch = x.permute({0, 2, 1, 3}).reshape({12, 3, 21, 1});
         const auto expected = conv(rows_as_batch).reshape({2, 6, 5, -1}).permute({0, 2, 1, 3});
         EXPECT_TRUE(torch::allclose(conv->forward_rows(x), expected, 1e-5, 1e-6));
+    }
+}
+
+TEST(Conv, WithoutPaddingItStaysWithinTheImage) {
+    const torch::NoGradGuard no_grad;
+    Conv conv(2, 3, 4, 2, glorot_uniform(), generator(), Padding::valid);
+    const auto x = torch::rand({1, 2, 10, 13}, generator(2));
+    const auto y = conv(x);
+    ASSERT_EQ(y.sizes(), (std::vector<std::int64_t>{1, 3, 4, 5}));
+    for (const auto& [row, column] : {std::pair{0, 0}, {3, 4}, {2, 1}}) {
+        const auto seen = x[0].slice(1, 2 * row, 2 * row + 4).slice(2, 2 * column, 2 * column + 4);
+        EXPECT_NEAR(y[0][1][row][column].item<double>(), (seen * conv->weight[1]).sum().item<double>(), 1e-5);
     }
 }
 

@@ -1,0 +1,516 @@
+// What holds for every agent, or for all that learn from a replay, written once over a table of them.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include "agent_worlds.h"
+#include "experiment/temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+/// The settings that the tests below change.
+struct Settings {
+    std::int64_t hidden_units = 16;
+    ReplaySettings replay = small_replay();
+    EpsilonSettings epsilon{.epsilon_decay_period = 20};
+};
+
+struct Kind {
+    std::string name;
+    std::int64_t num_actions;  // of its world; 0: the joystick
+    std::vector<std::string> losses;
+    std::function<std::unique_ptr<Agent>(const Settings&, const AgentSpec&)> make;
+
+    AgentSpec world(std::int64_t num_envs = 1, std::uint64_t seed = 1) const {
+        return num_actions == 0 ? joystick_world(num_envs, seed) : discrete_world(num_envs, seed);
+    }
+};
+
+std::ostream& operator<<(std::ostream& out, const Kind& kind) {
+    return out << kind.name;
+}
+
+std::string name_of(const testing::TestParamInfo<Kind>& info) {
+    return info.param.name;
+}
+
+template <class Config>
+Kind kind(const std::string& name, std::int64_t num_actions,
+          std::unique_ptr<Agent> (*make)(const Config&, const AgentSpec&), const Config& config,
+          const std::vector<std::string>& losses) {
+    return {name, num_actions, losses, [=](const Settings& settings, const AgentSpec& spec) {
+                auto changed = config;
+                changed.epsilon = settings.epsilon;
+                if constexpr (requires { changed.network; })
+                    changed.network.hidden_units = settings.hidden_units;
+                else
+                    changed.hidden_units = settings.hidden_units;
+                if constexpr (requires { changed.replay; }) changed.replay = settings.replay;
+                return make(changed, spec);
+            }};
+}
+
+const std::vector<std::string> kSacLosses{"qf_loss",    "qf1_values", "qf2_values", "actor_loss",
+                                          "alpha_loss", "alpha",      "entropy"};
+
+Kind sac() {
+    auto config = small_sac();
+    config.exploration = Exploration::epsilon_greedy;
+    return kind("Sac", 0, make_sac, config, kSacLosses);
+}
+
+Kind sacd() {
+    auto config = small_sacd();
+    config.exploration = Exploration::epsilon_greedy;
+    return kind("Sacd", kNumActions, make_sacd, config, kSacLosses);
+}
+
+Kind dqn() {
+    return kind("Dqn", kNumActions, make_dqn, small_dqn(), {"td_loss", "q_values"});
+}
+
+Kind der() {
+    return kind("Der", kNumActions, make_der, small_der(), {"cross_entropy", "q_values"});
+}
+
+Kind der_without_noise() {
+    auto config = small_der();
+    config.noisy = false;
+    return kind("DerWithoutNoise", kNumActions, make_der, config, {"cross_entropy", "q_values"});
+}
+
+Kind ppo(const std::string& name, std::int64_t num_actions) {
+    return kind(
+        name, num_actions, make_ppo, small_ppo(),
+        {"loss", "policy_loss", "value_loss", "entropy", "approx_kl", "clipfrac", "explained_variance"});
+}
+
+// Every agent -------------------------------------------------------------------------
+
+std::vector<Kind> every_agent() {
+    return {sac(), dqn(), der(), sacd(), ppo("PpoWithTheJoystick", 0), ppo("PpoWithActions", kNumActions)};
+}
+
+class EveryAgent : public testing::TestWithParam<Kind> {
+  protected:
+    std::unique_ptr<Agent> make(const AgentSpec& spec, const Settings& settings = {}) const {
+        return GetParam().make(settings, spec);
+    }
+    AgentSpec world(std::int64_t num_envs = 1, std::uint64_t seed = 1) const {
+        return GetParam().world(num_envs, seed);
+    }
+};
+
+INSTANTIATE_TEST_SUITE_P(Table, EveryAgent, testing::ValuesIn(every_agent()), name_of);
+
+TEST_P(EveryAgent, ActsWithinItsWorld) {
+    const auto spec = world(4);
+    const auto agent = make(spec);
+    const auto expect_inside = [&](std::int64_t count, ActMode mode) {
+        const auto actions = agent->act(noise_frames(count, 5), mode);
+        if (spec.num_actions == 0) {
+            ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count, 3}));
+            ASSERT_EQ(actions.scalar_type(), torch::kFloat32);
+            const auto box = joystick_box();
+            EXPECT_TRUE(((actions - box.centre).abs() <= box.half_width).all().item<bool>());
+        } else {
+            ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count}));
+            ASSERT_EQ(actions.scalar_type(), torch::kInt64);
+            EXPECT_TRUE(((actions >= 0) & (actions < spec.num_actions)).all().item<bool>());
+        }
+        EXPECT_FALSE(actions.requires_grad());
+    };
+    expect_inside(4, ActMode::train);
+    expect_inside(7, ActMode::evaluate);
+    drive(*agent, spec, 0, 30);
+    agent->update(noise_frames(4, 30));
+    expect_inside(4, ActMode::train);
+    expect_inside(7, ActMode::evaluate);
+}
+
+TEST_P(EveryAgent, RefusesTheOtherActionSpace) {
+    if (GetParam().name.starts_with("Ppo")) GTEST_SKIP() << "PPO acts in both";
+    const bool continuous = GetParam().num_actions == 0;
+    const auto other = continuous ? discrete_world() : joystick_world();
+    EXPECT_THAT([&] { make(other); },
+                ThrowsMessage<std::invalid_argument>(
+                    HasSubstr(continuous ? "4 discrete actions: set env.action_space to continuous"
+                                         : "continuous joystick: set env.action_space to minimal or full")));
+}
+
+TEST_P(EveryAgent, TheSameSeedGivesTheSameBits) {
+    const auto spec = world(2);
+    const auto first = make(spec), second = make(spec), other = make(world(2, 5));
+    drive(*first, spec, 0, 40);
+    torch::rand({3});  // the global generator is nobody's
+    drive(*second, spec, 0, 40);
+    drive(*other, spec, 0, 40);
+    EXPECT_GT(gradient_steps_of(*first), 0);
+    const auto state = first->state(), other_state = other->state();
+    expect_equal(state, second->state());
+    for (const auto& [name, tensor] : state) {
+        if (!name.starts_with("random/") && !name.ends_with("conv1.weight")) continue;
+        EXPECT_FALSE(torch::equal(tensor, other_state.at(name))) << name;
+    }
+}
+
+TEST_P(EveryAgent, EvaluationLeavesTrainingAsItIs) {
+    const auto spec = world();
+    const auto disturbed = make(spec), undisturbed = make(spec);
+    drive(*disturbed, spec, 0, 25);
+    for (int i = 0; i < 3; ++i) disturbed->act(noise_frames(7, 9), ActMode::evaluate);
+    drive(*disturbed, spec, 25, 10);
+    drive(*undisturbed, spec, 0, 35);
+    auto first = disturbed->state(), second = undisturbed->state();
+    first.erase("random/evaluation");
+    second.erase("random/evaluation");
+    EXPECT_GT(gradient_steps_of(*disturbed), 0);
+    expect_equal(first, second);
+}
+
+TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
+    Settings settings;
+    settings.replay.update_horizon = 3;
+    settings.epsilon.epsilon_decay_period = 50;
+    const auto spec = world(2);
+    const test::TemporaryFolder folder;
+    const auto original = make(spec, settings);
+    // To an episode's end, as restored agents begin new games, and to an update, as a rollout under way is
+    // not part of a state.
+    drive(*original, spec, 0, 28);
+    original->update(NoiseStep(spec, 28).observations);
+    original->act(noise_frames(2, 1), ActMode::evaluate);
+    const auto state = original->state();
+    original->save_memory(folder / "memory");
+
+    const auto restored = make(world(2, 99), settings);
+    drive(*restored, spec, 0, 3);
+    restored->load_state(state);
+    restored->load_memory(folder / "memory");
+    expect_equal(restored->state(), state);
+    for (auto* agent : {original.get(), restored.get()}) {
+        act_and_observe(*agent, spec, 28);
+        drive(*agent, spec, 29, 30);
+    }
+    EXPECT_FALSE(torch::equal(restored->state().at("adam/steps"), state.at("adam/steps")));
+    expect_equal(restored->state(), original->state());
+    EXPECT_TRUE(torch::equal(restored->act(noise_frames(2, 1), ActMode::evaluate),
+                             original->act(noise_frames(2, 1), ActMode::evaluate)));
+}
+
+TEST_P(EveryAgent, ItsStateIsACopy) {
+    const auto spec = world();
+    const auto agent = make(spec);
+    const auto state = agent->state();
+    const auto before = copy_of(state);
+    drive(*agent, spec, 0, 35);
+    EXPECT_GT(gradient_steps_of(*agent), 0);
+    expect_equal(state, before);
+}
+
+TEST_P(EveryAgent, RefusesAStateThatDoesNotFitAndStaysAsItIs) {
+    const auto agent = make(world());
+    const auto own = agent->state();
+    const auto expect_refused = [&](const TensorMap& state, const std::string& reason) {
+        EXPECT_THAT([&] { agent->load_state(state); }, ThrowsMessage<std::runtime_error>(HasSubstr(reason)));
+        expect_equal(agent->state(), own);
+    };
+    // Each of them would change something, were it not refused as a whole.
+    Settings wider;
+    wider.hidden_units = 17;
+    expect_refused(make(world(1, 2), wider)->state(), "another shape");
+    for (const auto& [name, tensor] : own) {
+        auto lacking = make(world(1, 2))->state();
+        lacking.erase(name);
+        expect_refused(lacking, "'" + name + "'");
+    }
+    auto garbled = make(world(1, 2))->state();
+    garbled["random/evaluation"] = torch::zeros({4}, torch::kUInt8);
+    expect_refused(garbled, "random state");
+    for (const auto& other : every_agent()) {
+        if (other.name == GetParam().name) continue;
+        EXPECT_THROW(agent->load_state(other.make({}, other.world())->state()), std::runtime_error)
+            << other.name;
+    }
+    expect_equal(agent->state(), own);
+}
+
+TEST_P(EveryAgent, RefusesRewardsThatAreNoNumbersAndOtherCounts) {
+    const auto spec = world(2);
+    const auto agent = make(spec);
+    NoiseStep step(spec, 0);
+    const auto actions = agent->act(step.observations, ActMode::train);
+    for (const float reward :
+         {std::numeric_limits<float>::quiet_NaN(), -std::numeric_limits<float>::infinity()}) {
+        step.results[1].reward = reward;
+        EXPECT_THAT([&] { agent->observe(step.experiences(actions)); },
+                    ThrowsMessage<std::invalid_argument>(HasSubstr("the reward of environment 1")));
+    }
+    step.results[1].reward = 0;
+    EXPECT_NO_THROW(agent->observe(step.experiences(actions)));
+    agent->act(step.observations, ActMode::train);
+    EXPECT_THROW(agent->observe(step.experiences(actions.slice(0, 0, 1))), std::invalid_argument);
+    step.results.resize(3);
+    EXPECT_THAT([&] { agent->observe(step.experiences(actions)); },
+                ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2 environments"), HasSubstr("3"))));
+}
+
+TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
+    const auto spec = world();
+    const auto agent = make(spec);
+    const auto at_first = agent->metrics();
+    for (const auto& loss : GetParam().losses) EXPECT_FALSE(at_first.contains("losses/" + loss)) << loss;
+    drive(*agent, spec, 0, 35);
+    const auto metrics = agent->metrics();
+    for (const auto& loss : GetParam().losses) EXPECT_TRUE(metrics.contains("losses/" + loss)) << loss;
+    for (const auto& [tag, value] : metrics) EXPECT_TRUE(std::isfinite(value)) << tag;
+    EXPECT_GT(metrics.at("charts/learning_rate"), 0);
+    drive(*agent, spec, 35, 8);
+    const auto& loss = "losses/" + GetParam().losses.front();
+    EXPECT_NE(agent->metrics().at(loss), metrics.at(loss));
+    agent->load_state(agent->state());  // what was logged is not part of a state
+    EXPECT_FALSE(agent->metrics().contains(loss));
+}
+
+// Agents that learn from a replay -----------------------------------------------------
+
+class ReplayAgent : public EveryAgent {
+  protected:
+    static bool prioritised() { return GetParam().name == "Der"; }
+};
+
+INSTANTIATE_TEST_SUITE_P(Table, ReplayAgent, testing::Values(sac(), dqn(), der(), sacd()), name_of);
+
+TEST_P(ReplayAgent, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
+    Settings settings;
+    settings.replay.update_period = 4;
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    EXPECT_EQ(drive(*agent, spec, 0, 21), 0);  // 21 stored: more than 20 for the first time
+    EXPECT_EQ(drive(*agent, spec, 21, 3), 0);  // decisions 21, 22, 23
+    EXPECT_EQ(gradient_steps_of(*agent), 0);
+    EXPECT_EQ(drive(*agent, spec, 24, 1), 1);
+    EXPECT_EQ(gradient_steps_of(*agent), 1);
+    EXPECT_EQ(drive(*agent, spec, 25, 40), 10);
+    EXPECT_EQ(gradient_steps_of(*agent), 11);
+}
+
+TEST_P(ReplayAgent, SeveralEnvironmentsKeepTheUpdatesPerAgentStep) {
+    for (const auto& [num_envs, period, expected] : {std::tuple{8, 4, 40}, {3, 4, 15}, {2, 1, 40}}) {
+        Settings settings;
+        settings.replay.min_replay = 0;
+        settings.replay.update_period = period;
+        const auto spec = world(num_envs);
+        const auto agent = make(spec, settings);
+        drive(*agent, spec, 0, 5);  // until something is stored
+        const auto before = gradient_steps_of(*agent);
+        drive(*agent, spec, 5, 20);
+        EXPECT_NEAR(static_cast<double>(gradient_steps_of(*agent) - before), expected, 1)
+            << num_envs << " environments";
+    }
+}
+
+TEST_P(ReplayAgent, ClipsRewardsWhenItStoresThem) {
+    Settings settings;
+    const auto spec = world();
+    const auto stored_by = [&](std::optional<double> clip) {
+        settings.replay.reward_clip = clip;
+        const auto agent = make(spec, settings);
+        drive(*agent, spec, 0, 8);
+        return memory_of(*agent, spec, settings.replay, prioritised()).n_step_return;
+    };
+    // The last one's next observation is not known yet.
+    EXPECT_TRUE(
+        torch::equal(stored_by(std::nullopt), torch::tensor({-2.f, -1.f, 0.f, 1.f, 2.f, -2.f, -1.f})));
+    EXPECT_TRUE(torch::equal(stored_by(1.5), torch::tensor({-1.5f, -1.f, 0.f, 1.f, 1.5f, -1.5f, -1.f})));
+}
+
+TEST_P(ReplayAgent, KeepsWhatItSaw) {
+    const Settings settings;
+    const auto spec = world(2);
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 14);
+    const auto memory = memory_of(*agent, spec, settings.replay, prioritised());
+    // Two environments end together: a terminal after seven steps, a truncation after fourteen.
+    ASSERT_EQ(memory.discount.size(0), 28);
+    EXPECT_EQ((memory.discount == 0).sum().item<std::int64_t>(), 2);
+    const NoiseStep last(spec, 13);
+    for (std::int64_t env = 0; env < 2; ++env) {
+        const auto row = 25 + 2 * env;  // its last step completes two transitions
+        EXPECT_TRUE(torch::equal(memory.observation[row][-1], last.frames[env]));
+        EXPECT_TRUE(torch::equal(memory.next_observation[row][-1], last.final_frames[env]));
+        EXPECT_FLOAT_EQ(memory.discount[row].item<float>(), 0.99f);
+    }
+}
+
+TEST_P(ReplayAgent, JoinsNoOldGameWithANewOneAfterARestore) {
+    const Settings settings;
+    const auto spec = world();
+    const auto transitions_of = [&](const Agent& agent) {
+        return memory_of(agent, spec, settings.replay, prioritised()).index.size(0);
+    };
+    const test::TemporaryFolder folder;
+    const auto original = make(spec), restored = make(spec);
+    drive(*original, spec, 0, 10);
+    const auto before = transitions_of(*original);
+    original->save_memory(folder / "memory");
+    restored->load_memory(folder / "memory");
+    drive(*restored, spec, 10, 1);
+    EXPECT_EQ(transitions_of(*restored), before);
+    drive(*original, spec, 10, 1);
+    EXPECT_EQ(transitions_of(*original), before + 1);
+}
+
+// Agents that explore epsilon-greedily ------------------------------------------------
+
+class EpsilonGreedyAgent : public EveryAgent {
+  protected:
+    /// How often an action on one and the same frame is not the one that it is otherwise.
+    static double part_at_random(Agent& agent, ActMode mode) {
+        constexpr std::int64_t count = 2000;
+        const auto actions = agent.act(same_frame(count), mode);
+        if (actions.dim() == 2) {  // the greedy action is the commonest one, up to rounding
+            const auto radius = actions.select(1, 0);
+            const auto greedy = std::get<0>(radius.mode());
+            return ((radius - greedy).abs() > 1e-4).to(torch::kFloat64).mean().item<double>();
+        }
+        // Uniform actions hit the greedy one too.
+        const auto parts = frequencies(actions);
+        return (1 - *std::max_element(parts.begin(), parts.end())) * kNumActions / (kNumActions - 1);
+    }
+};
+
+INSTANTIATE_TEST_SUITE_P(Table, EpsilonGreedyAgent,
+                         testing::Values(sac(), dqn(), der_without_noise(), sacd()), name_of);
+
+TEST_P(EpsilonGreedyAgent, EpsilonIsOneUntilItIsWarmAndThenFallsLinearly) {
+    Settings settings;
+    settings.epsilon = {.epsilon_train = 0.1, .epsilon_decay_period = 10};
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    const auto epsilon_after = [&](std::int64_t first, std::int64_t steps) {
+        drive(*agent, spec, first, steps);
+        return agent->metrics().at("charts/epsilon");
+    };
+    EXPECT_DOUBLE_EQ(epsilon_after(0, 0), 1);
+    EXPECT_DOUBLE_EQ(epsilon_after(0, 20), 1);
+    EXPECT_DOUBLE_EQ(epsilon_after(20, 5), 0.55);
+    EXPECT_DOUBLE_EQ(epsilon_after(25, 5), 0.1);
+    EXPECT_DOUBLE_EQ(epsilon_after(30, 5), 0.1);
+}
+
+TEST_P(EpsilonGreedyAgent, CountsTheDecisionsOfAllItsEnvironments) {
+    Settings settings;
+    settings.epsilon = {.epsilon_train = 0, .epsilon_decay_period = 40};
+    const auto spec = world(4);
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 10);
+    EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 0.5);
+}
+
+TEST_P(EpsilonGreedyAgent, ActsAtRandomWithProbabilityEpsilon) {
+    Settings settings;
+    settings.epsilon = {.epsilon_train = 0.25, .epsilon_eval = 0.5, .epsilon_decay_period = 1};
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 10);
+    const auto uniform = agent->act(same_frame(2000), ActMode::train);
+    if (spec.num_actions == 0)
+        expect_uniform_over_the_box(uniform);
+    else
+        for (const double part : frequencies(uniform)) EXPECT_NEAR(part, 0.25, 0.04);
+    EXPECT_NEAR(part_at_random(*agent, ActMode::evaluate), 0.5, 0.06);
+    drive(*agent, spec, 10, 20);
+    // An actor's own choices are random too, unless it is sure.
+    auto state = agent->state();
+    if (spec.num_actions == 0)
+        make_constant(state, "network/actor.out", {0, 0, 0, -20, -20, -20});
+    else
+        make_constant(state, "network/actor.out", {50, 0, 0, 0});
+    agent->load_state(state);
+    EXPECT_NEAR(part_at_random(*agent, ActMode::train), 0.25, 0.06);
+}
+
+// Agents whose target is copied now and then ------------------------------------------
+
+class HardTarget : public EveryAgent {};
+
+INSTANTIATE_TEST_SUITE_P(Table, HardTarget, testing::Values(dqn(), der()), name_of);
+
+/// The tensors whose names begin with `prefix`, without it.
+TensorMap part_of(const TensorMap& state, const std::string& prefix) {
+    TensorMap part;
+    for (const auto& [name, tensor] : state)
+        if (name.starts_with(prefix)) part[name.substr(prefix.size())] = tensor;
+    return part;
+}
+
+bool equal(const TensorMap& first, const TensorMap& second) {
+    for (const auto& [name, tensor] : first)
+        if (!torch::equal(tensor, second.at(name))) return false;
+    return first.size() == second.size();
+}
+
+TEST_P(HardTarget, IsCopiedAtMultiplesOfItsPeriodOnceWarm) {
+    for (const std::int64_t num_envs : {1, 4}) {
+        const auto spec = world(num_envs);
+        const auto agent = make(spec);
+        auto state = agent->state();
+        expect_equal(part_of(state, "network/"), part_of(state, "target/"));
+        // A target of its own shows that nothing is copied before.
+        for (const auto& [name, tensor] : part_of(state, "target/")) tensor.add_(1);
+        agent->load_state(state);
+        auto target = part_of(state, "target/");
+        const std::int64_t warm = num_envs == 1 ? 21 : 28;  // the first decision with more than 20 stored
+        for (std::int64_t step = 0; step < 60 / num_envs; ++step) {
+            agent->update(NoiseStep(spec, step).observations);
+            state = agent->state();
+            const auto first = step * num_envs, end = first + num_envs;
+            bool copied = false;  // ten decisions are a period
+            for (auto decision = first; decision < end; ++decision) copied |= decision % 10 == 0;
+            if (copied && first >= warm) target = part_of(state, "network/");
+            EXPECT_TRUE(equal(part_of(state, "target/"), target)) << "decision " << first;
+            EXPECT_EQ(equal(part_of(state, "network/"), target), copied && first >= warm)
+                << "decision " << first;
+            act_and_observe(*agent, spec, step);
+        }
+    }
+}
+
+// Agents whose target follows slowly --------------------------------------------------
+
+TEST(SoftTarget, FollowsByTauAtEveryUpdate) {
+    const auto expect_following = [](auto config, auto make, const AgentSpec& spec) {
+        config.tau = 0.25;
+        const auto agent = make(config, spec);
+        const auto start = agent->state();
+        expect_equal(part_of(start, "network/"), part_of(start, "target/"));
+        std::int64_t step = 0;
+        while (gradient_steps_of(*agent) == 0) drive(*agent, spec, step++, 1);
+        const auto state = agent->state();
+        EXPECT_FALSE(equal(part_of(state, "network/"), part_of(start, "network/")));
+        for (const auto& [name, before] : part_of(start, "target/")) {
+            const auto expected = before + 0.25 * (state.at("network/" + name) - before);
+            EXPECT_TRUE(torch::allclose(state.at("target/" + name), expected, 1e-5, 1e-7)) << name;
+        }
+    };
+    expect_following(small_sac(), make_sac, joystick_world());
+    expect_following(small_sacd(), make_sacd, discrete_world());
+}
+
+}  // namespace
+}  // namespace cale
