@@ -32,7 +32,7 @@ struct EncoderConfig {
     std::int64_t stack = 4;
     std::int64_t frame_height = 84;
     std::int64_t frame_width = 84;
-    Padding padding = Padding::same;  // impala always pads
+    Padding padding = Padding::same;   // impala always pads
     Initialiser initialise = nullptr;  // none: the encoder's own
 };
 
