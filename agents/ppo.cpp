@@ -73,17 +73,15 @@ PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const P
     const auto critic = 0.5 * squared_error.mean();
     const auto mean_entropy = entropy(policy).mean();
 
-    const torch::NoGradGuard no_grad_for_the_log;
-    const auto combined = [&] {
-        const torch::AutoGradMode with_grad(true);
-        return actor + config.value_coefficient * critic - config.entropy_coefficient * mean_entropy;
-    }();
+    const auto combined =
+        actor + config.value_coefficient * critic - config.entropy_coefficient * mean_entropy;
+    const auto change = ratio.detach() - 1;
     return {combined,
             actor.detach(),
             critic.detach(),
             mean_entropy.detach(),
-            ((ratio - 1) - log_ratio).mean(),
-            ((ratio - 1).abs() > config.clip).to(ratio.dtype()).mean()};
+            (change - log_ratio.detach()).mean(),
+            (change.abs() > config.clip).to(ratio.dtype()).mean()};
 }
 
 PpoLearner::PpoLearner(PpoNetwork network_, std::int64_t anneal_steps_, const PpoConfig& config)
