@@ -206,7 +206,7 @@ int run(const Program& program, int argc, const char* const* argv) {
         {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
                                     grouped(program.train.total_steps * program.env.frame_skip))},
         {"environments", fmt::format("{}", program.env.num_envs)},
-        {"device", fmt::format("{}, {} threads", device.str(), threads)},
+        {"device", fmt::format("{}, {} thread{}", device.str(), threads, threads == 1 ? "" : "s")},
         {"seed", fmt::format("{}", program.train.seed)},
         {"run folder", run_dir.string()}};
     for (const auto& entry : program.table.entries())
