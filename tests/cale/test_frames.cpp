@@ -44,8 +44,8 @@ void scribble(Bytes& screen, std::uint64_t seed) {
         const auto edge = [&](std::uint64_t i, std::size_t size) {
             return random(8 * block + i) % (size + 1);
         };
-        const auto [top, bottom] = std::minmax(edge(1, height), edge(2, height));
-        const auto [left, right] = std::minmax(edge(3, cale::kScreenWidth), edge(4, cale::kScreenWidth));
+        const auto [top, bottom] = std::minmax({edge(1, height), edge(2, height)});
+        const auto [left, right] = std::minmax({edge(3, cale::kScreenWidth), edge(4, cale::kScreenWidth)});
         for (std::size_t row = top; row < bottom; ++row) {
             const auto begin = screen.begin() + static_cast<std::ptrdiff_t>(row * cale::kScreenWidth);
             std::fill(begin + static_cast<std::ptrdiff_t>(left), begin + static_cast<std::ptrdiff_t>(right),
