@@ -175,7 +175,9 @@ class Der final : public Agent {
     /// Noisy weights explore by themselves, from the first step on.
     double epsilon() const { return config_.noisy ? 0 : memory_.epsilon(config_.epsilon); }
 
-    QNoise draw(at::Generator random) { return to(learner_.network->head->draw_noise(random), spec_.device); }
+    QNoise draw(const at::Generator& random) {
+        return to(learner_.network->head->draw_noise(random), spec_.device);
+    }
 
     void learn() {
         const auto batch = memory_.sample();

@@ -151,7 +151,7 @@ class Ppo final : public Agent {
         if (training) rollout_.set_observations(observations);
         // The policy is sampled in evaluation too, as the reference does.
         const auto policy = learner_.network(observations.to(spec_.device)).policy;
-        const auto actions = sampled(policy, random);
+        auto actions = sampled(policy, random);
         if (config_.exploration == Exploration::standard) return actions;
         const auto epsilon = training ? this->epsilon() : config_.epsilon.epsilon_eval;
         return policy.gaussian ? epsilon_greedy(actions, epsilon, box_, random)

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <torch/nn/module.h>
@@ -67,7 +68,7 @@ class Trunk {
 class ConvEncoderImpl : public torch::nn::Module {
   public:
     ConvEncoderImpl(const EncoderConfig& config, at::Generator generator)
-        : trunk_(*this, config, generator) {}
+        : trunk_(*this, config, std::move(generator)) {}
     /// [B, stack, H, W] uint8 -> [B, size()]
     torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
     std::int64_t size() const { return trunk_.features(); }
