@@ -58,8 +58,10 @@ void ReplayMemory::store(const Experiences& seen) {
             throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
                                         std::to_string(result.reward));
         }
+        // Frames that are not there are left for the replay to refuse.
         const auto frame_of = [&](std::span<const std::uint8_t> frames) {
-            return frames.subspan(env * frame_size, frame_size);
+            return frames.size() == count * frame_size ? frames.subspan(env * frame_size, frame_size)
+                                                       : std::span<const std::uint8_t>();
         };
         Experience experience{.frame = frame_of(seen.frames),
                               .reward = std::clamp(result.reward, -limit, limit),

@@ -64,22 +64,25 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
                                     " environments, not of " + std::to_string(results.size()));
     }
     require_shape("actions", actions, action.sizes().slice(1));
-    if (config.replay_terminal == ReplayTerminal::corrected) action[steps].copy_(actions);
+    for (std::size_t env = 0; env < count; ++env) {
+        if (!std::isfinite(results[env].reward)) {
+            throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
+                                        std::to_string(results[env].reward));
+        }
+    }
     const auto frame_size = static_cast<std::size_t>(config.frame_height * config.frame_width);
     const bool cut_off = std::any_of(results.begin(), results.end(), [](const StepResult& result) {
         return result.truncated && !result.terminal;
     });
     if (cut_off && final_frames.size() != count * frame_size)
         throw std::invalid_argument("where an episode is cut off the rollout needs its final frame");
+    // Nothing is refused from here on: a step is taken as a whole.
+    if (config.replay_terminal == ReplayTerminal::corrected) action[steps].copy_(actions);
     auto* rewards = reward[steps].data_ptr<float>();
     auto* terminals = terminal[steps].data_ptr<float>();
     const auto limit = static_cast<float>(config.reward_clip.value_or(INFINITY));
     for (std::size_t env = 0; env < count; ++env) {
         const auto& result = results[env];
-        if (!std::isfinite(result.reward)) {
-            throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
-                                        std::to_string(result.reward));
-        }
         const auto scaled =
             static_cast<float>(config.reward_scale) * std::clamp(result.reward, -limit, limit);
         if (config.replay_terminal == ReplayTerminal::dopamine)

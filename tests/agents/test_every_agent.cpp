@@ -142,16 +142,6 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
     expect_inside(7, ActMode::evaluate);
 }
 
-TEST_P(EveryAgent, RefusesTheOtherActionSpace) {
-    if (GetParam().name.starts_with("Ppo")) GTEST_SKIP() << "PPO acts in both";
-    const bool continuous = GetParam().num_actions == 0;
-    const auto other = continuous ? discrete_world() : joystick_world();
-    EXPECT_THAT([&] { make(other); },
-                ThrowsMessage<std::invalid_argument>(
-                    HasSubstr(continuous ? "4 discrete actions: set env.action_space to continuous"
-                                         : "continuous joystick: set env.action_space to minimal or full")));
-}
-
 TEST_P(EveryAgent, TheSameSeedGivesTheSameBits) {
     const auto spec = world(2);
     const auto first = make(spec), second = make(spec), other = make(world(2, 5));
@@ -269,6 +259,21 @@ TEST_P(EveryAgent, RefusesRewardsThatAreNoNumbersAndOtherCounts) {
                 ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2 environments"), HasSubstr("3"))));
 }
 
+TEST_P(EveryAgent, RefusesATruncationWithoutItsFinalFrames) {
+    const auto spec = world(2);
+    const auto agent = make(spec);
+    NoiseStep step(spec, 0);
+    step.results[1].truncated = step.results[1].episode_over = true;
+    const auto actions = agent->act(step.observations, ActMode::train);
+    auto seen = step.experiences(actions);
+    for (const std::int64_t given : {std::int64_t{0}, kPixels}) {  // none, and the first environment's
+        seen.final_frames = seen.final_frames.first(static_cast<std::size_t>(given));
+        EXPECT_THAT([&] { agent->observe(seen); }, ThrowsMessage<std::invalid_argument>(HasSubstr("final")));
+        seen.final_frames = step.experiences(actions).final_frames;
+    }
+    EXPECT_NO_THROW(agent->observe(seen));
+}
+
 TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
     const auto spec = world();
     const auto agent = make(spec);
@@ -294,6 +299,15 @@ class ReplayAgent : public EveryAgent {
 };
 
 INSTANTIATE_TEST_SUITE_P(Table, ReplayAgent, testing::Values(sac(), dqn(), der(), sacd()), name_of);
+
+TEST_P(ReplayAgent, RefusesTheOtherActionSpace) {
+    const bool continuous = GetParam().num_actions == 0;
+    const auto other = continuous ? discrete_world() : joystick_world();
+    EXPECT_THAT([&] { make(other); },
+                ThrowsMessage<std::invalid_argument>(
+                    HasSubstr(continuous ? "4 discrete actions: set env.action_space to continuous"
+                                         : "continuous joystick: set env.action_space to minimal or full")));
+}
 
 TEST_P(ReplayAgent, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
     Settings settings;

@@ -151,19 +151,28 @@ TEST(Rollout, RefusesRewardsThatAreNoNumbers) {
                     ThrowsMessage<std::invalid_argument>(HasSubstr("the reward of environment 1 is")));
         EXPECT_EQ(rollout.steps, 0);
     }
+    // The first environment's truncation is not remembered without the second's reward.
+    auto cut = rewards(0, std::numeric_limits<float>::quiet_NaN());
+    cut[0].truncated = true;
+    EXPECT_THROW(add(rollout, cut), std::invalid_argument);
+    EXPECT_TRUE(rollout.truncations.empty());
 }
 
 TEST(Rollout, RefusesOtherCounts) {
     Rollout rollout(small_config());
-    const auto names = [](const char* given) {
-        return ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2"), HasSubstr(given)));
+    const auto names = [](const char* expected, const char* given) {
+        return ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr(expected), HasSubstr(given)));
     };
-    EXPECT_THAT([&] { rollout.add(actions(0), std::vector<StepResult>(3), kFinalFrames); }, names("3"));
-    EXPECT_THAT([&] { rollout.add(actions(0).slice(0, 0, 1), rewards(0, 0), kFinalFrames); }, names("1"));
-    EXPECT_THROW(rollout.add(actions(0).slice(1, 0, 1), rewards(0, 0), kFinalFrames), std::invalid_argument);
+    EXPECT_THAT([&] { rollout.add(actions(0), std::vector<StepResult>(3), kFinalFrames); },
+                names("2 environments", "3"));
+    EXPECT_THAT([&] { rollout.add(actions(0).slice(0, 0, 1), rewards(0, 0), kFinalFrames); },
+                names("[2, 3]", "[1, 3]"));
+    EXPECT_THAT([&] { rollout.add(actions(0).slice(1, 0, 1), rewards(0, 0), kFinalFrames); },
+                names("[2, 3]", "[2, 1]"));
     // One observation would be taken for both environments'.
-    EXPECT_THROW(rollout.set_observations(observations(0).slice(0, 0, 1)), std::invalid_argument);
-    EXPECT_THROW(rollout.set_observations(observations(0)[0]), std::invalid_argument);
+    EXPECT_THAT([&] { rollout.set_observations(observations(0).slice(0, 0, 1)); },
+                names("[2, 3, 1, 2]", "[1, 3, 1, 2]"));
+    EXPECT_THAT([&] { rollout.set_observations(observations(0)[0]); }, names("[2, 3, 1, 2]", "[3, 1, 2]"));
     EXPECT_EQ(rollout.steps, 0);
 }
 
