@@ -10,6 +10,7 @@
 
 #include <torch/types.h>
 
+#include "agents/time_split.h"
 #include "cale/env.h"
 
 namespace cale {
@@ -51,12 +52,18 @@ class Agent {
     /// Chooses one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
-    /// Learns from what followed. Called once per agent step.
+    /// Takes in what followed. Called once per agent step.
     virtual void observe(const Experiences& experiences) = 0;
 
     /// Called once before every decision with the observations that it will be made on: the agent
     /// updates itself when its own rhythm says so. Returns whether it did.
     virtual bool update(const torch::Tensor& observations) = 0;
+
+    /// Whether update() may run while the environments carry out what act() chose before it: not
+    /// where an agent learns from the newest policy's steps alone.
+    virtual bool learns_from_replay() const { return true; }
+    /// What of the time inside update() and observe() was the replay's: its parts `replay` and `transfer`.
+    virtual TimeSplit memory_time() const { return {}; }
 
     /// Named scalars of the newest update and the current schedules: name -> value,
     /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.

@@ -2,6 +2,7 @@
 
 #include <torch/torch.h>
 
+#include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -125,8 +126,9 @@ class Der final : public Agent {
           learner_(make_learner(config, spec)),
           memory_(config.replay, spec, config.prioritised, stream_seed(spec.seed, kReplay)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {
+          noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise), spec.device)),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          gradient_step_(spec.device, {noise_random_}) {
         if (config.distributional)
             support_ = atom_support(config.num_atoms, config.value_limit, torch::kFloat32).to(spec.device);
     }
@@ -153,6 +155,8 @@ class Der final : public Agent {
         return updates > 0;
     }
 
+    TimeSplit memory_time() const override { return memory_.time(); }
+
     std::map<std::string, double> metrics() override {
         std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()},
                                              {"charts/epsilon", epsilon()}};
@@ -167,6 +171,7 @@ class Der final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_ = {};
+        gradient_step_.forget();
     }
     void save_memory(const std::string& path) const override { memory_.save(path); }
     void load_memory(const std::string& path) override { memory_.load(path); }
@@ -181,11 +186,13 @@ class Der final : public Agent {
 
     void learn() {
         const auto batch = memory_.sample();
-        const auto weights = config_.prioritised
-                                 ? importance_weights(batch.probability, config_.importance_exponent)
-                                 : torch::ones_like(batch.discount);
-        const auto online = draw(noise_random_);  // the order of the draws is part of a run
-        newest_ = der_update(learner_, batch, weights, {online, draw(noise_random_)}, config_);
+        gradient_step_([&] {
+            const auto weights = config_.prioritised
+                                     ? importance_weights(batch.probability, config_.importance_exponent)
+                                     : torch::ones_like(batch.discount);
+            const auto online = draw(noise_random_);  // the order of the draws is part of a run
+            newest_ = der_update(learner_, batch, weights, {online, draw(noise_random_)}, config_);
+        });
         if (config_.prioritised) memory_.set_priorities(batch, newest_.priorities);
     }
 
@@ -205,6 +212,7 @@ class Der final : public Agent {
     ReplayMemory memory_;
     torch::Tensor support_;  // [atoms], if distributional
     at::Generator acting_random_, noise_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
     DerLosses newest_;
 };
 

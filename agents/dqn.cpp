@@ -5,6 +5,7 @@
 
 #include <torch/torch.h>
 
+#include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -75,7 +76,8 @@ class Dqn final : public Agent {
           learner_(make_learner(config, spec)),
           memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          gradient_step_(spec.device, {}) {}
 
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -94,10 +96,15 @@ class Dqn final : public Agent {
         const auto decisions = memory_.next_decisions();
         if (!memory_.warm()) return false;
         const auto updates = decisions.multiples_of(config_.replay.update_period);
-        for (std::int64_t i = 0; i < updates; ++i) newest_ = dqn_update(learner_, memory_.sample(), config_);
+        for (std::int64_t i = 0; i < updates; ++i) {
+            const auto batch = memory_.sample();
+            gradient_step_([&] { newest_ = dqn_update(learner_, batch, config_); });
+        }
         if (decisions.multiples_of(config_.target_update_period) > 0) learner_.copy_to_target();
         return updates > 0;
     }
+
+    TimeSplit memory_time() const override { return memory_.time(); }
 
     std::map<std::string, double> metrics() override {
         std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()},
@@ -112,6 +119,7 @@ class Dqn final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_ = {};
+        gradient_step_.forget();
     }
     void save_memory(const std::string& path) const override { memory_.save(path); }
     void load_memory(const std::string& path) override { memory_.load(path); }
@@ -131,6 +139,7 @@ class Dqn final : public Agent {
     QLearner learner_;
     ReplayMemory memory_;
     at::Generator acting_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
     DqnLosses newest_;
 };
 

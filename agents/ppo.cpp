@@ -11,6 +11,7 @@
 #include <torch/torch.h>
 
 #include "agents/advantages.h"
+#include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/repeated_frame.h"
 #include "agents/state.h"
@@ -90,20 +91,27 @@ PpoLearner::PpoLearner(PpoNetwork network_, std::int64_t anneal_steps_, const Pp
       adam(parameters, {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
       anneal_steps(anneal_steps_) {}
 
-PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config) {
+void PpoLearner::anneal(const PpoConfig& config) {
+    if (anneal_steps > 0) {
+        const auto part = static_cast<double>(gradient_steps) / static_cast<double>(anneal_steps);
+        adam.set_learning_rate(config.learning_rate * std::max(0.0, 1 - part));
+    }
+    ++gradient_steps;
+}
+
+PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config) {
     learner.adam.zero_grad();
     auto losses = ppo_losses(learner.network, minibatch, config);
     losses.combined.backward();
     clip_gradient_norm(learner.parameters, config.max_gradient_norm);
-    if (learner.anneal_steps > 0) {
-        const auto part =
-            static_cast<double>(learner.gradient_steps) / static_cast<double>(learner.anneal_steps);
-        learner.adam.set_learning_rate(config.learning_rate * std::max(0.0, 1 - part));
-    }
     learner.adam.step();
-    ++learner.gradient_steps;
     losses.combined = losses.combined.detach();
     return losses;
+}
+
+PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config) {
+    learner.anneal(config);
+    return ppo_gradient_step(learner, minibatch, config);
 }
 
 // Agent -------------------------------------------------------------------------------
@@ -141,7 +149,8 @@ class Ppo final : public Agent {
                     .replay_terminal = config.replay_terminal}),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          gradient_step_(spec.device, {}) {}
 
     torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -172,6 +181,8 @@ class Ppo final : public Agent {
         return true;
     }
 
+    bool learns_from_replay() const override { return false; }
+
     std::map<std::string, double> metrics() override {
         auto values = newest_;
         values["charts/learning_rate"] = learner_.adam.learning_rate();
@@ -183,6 +194,7 @@ class Ppo final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_.clear();
+        gradient_step_.forget();
         rollout_.clear();
     }
     void save_memory(const std::string&) const override {}
@@ -249,19 +261,25 @@ class Ppo final : public Agent {
                                    : torch::randperm(config_.rollout_steps, shuffling_random_, torch::kInt64)
                                          .view({parts, -1});
             for (const auto& rows : order.to(spec_.device).unbind()) {
-                const auto chosen = [&rows](const torch::Tensor& whole) {
-                    return whole.index_select(0, rows);
-                };
-                const auto losses =
-                    ppo_update(learner_,
-                               {chosen(all.observation), chosen(all.action), chosen(all.old_log_prob),
-                                chosen(all.old_value), chosen(all.advantage), chosen(all.returns)},
-                               config_);
-                sums += torch::stack({losses.combined, losses.actor, losses.critic, losses.entropy,
-                                      losses.approximate_kl, losses.clipped_fraction});
+                choose(all, rows);
+                learner_.anneal(config_);
+                gradient_step_([&] { losses_ = ppo_gradient_step(learner_, minibatch_, config_); });
+                sums += torch::stack({losses_.combined, losses_.actor, losses_.critic, losses_.entropy,
+                                      losses_.approximate_kl, losses_.clipped_fraction});
             }
         }
         remember(sums / (config_.epochs * parts), all);
+    }
+
+    /// Copies these rows to minibatch_, which stays in its place in memory.
+    void choose(const PpoMinibatch& all, const torch::Tensor& rows) {
+        for (const auto part :
+             {&PpoMinibatch::observation, &PpoMinibatch::action, &PpoMinibatch::old_log_prob,
+              &PpoMinibatch::old_value, &PpoMinibatch::advantage, &PpoMinibatch::returns}) {
+            auto& chosen = minibatch_.*part;
+            if (!chosen.defined()) chosen = torch::empty({0}, (all.*part).options());
+            at::index_select_out(chosen, all.*part, 0, rows);
+        }
     }
 
     void remember(const torch::Tensor& means, const PpoMinibatch& all) {
@@ -293,6 +311,9 @@ class Ppo final : public Agent {
     std::int64_t training_steps_ = 0;
     RepeatedFrame repeated_frame_;
     at::Generator acting_random_, shuffling_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
+    PpoMinibatch minibatch_;
+    PpoLosses losses_;
     std::map<std::string, double> newest_;
 };
 

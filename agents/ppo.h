@@ -116,6 +116,9 @@ struct PpoLearner {
     /// `anneal_steps` 0: the learning rate is constant.
     PpoLearner(PpoNetwork network, std::int64_t anneal_steps, const PpoConfig& config);
 
+    /// Counts a gradient step and sets the learning rate that it has.
+    void anneal(const PpoConfig& config);
+
     PpoNetwork network;
     std::vector<torch::Tensor> parameters;
     Adam adam;
@@ -123,7 +126,9 @@ struct PpoLearner {
     std::int64_t gradient_steps = 0;
 };
 
-/// One gradient step. Returns the losses before it, without their graph.
+/// One gradient step at the present learning rate. Returns the losses before it, without their graph.
+PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
+/// The same at the learning rate that is due.
 PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},

@@ -20,8 +20,12 @@ std::uint64_t stream_seed(std::uint64_t seed, std::uint64_t stream) {
     return mix(mix(seed) + stream);
 }
 
-at::Generator make_generator(std::uint64_t seed) {
-    return at::detail::createCPUGenerator(seed);
+at::Generator make_generator(std::uint64_t seed, c10::Device device) {
+    if (device.is_cpu()) return at::detail::createCPUGenerator(seed);
+    auto generator =
+        at::globalContext().getAcceleratorHooksInterface(device.type()).getNewGenerator(device.index());
+    generator.set_current_seed(seed);
+    return generator;
 }
 
 torch::Tensor random_state(const at::Generator& generator) {
@@ -37,13 +41,13 @@ torch::Tensor random_state(const std::mt19937_64& engine) {
     return state;
 }
 
-at::Generator restored_generator(const torch::Tensor& state) {
-    auto generator = make_generator(0);
+at::Generator restored_generator(const torch::Tensor& state, c10::Device device) {
+    auto generator = make_generator(0, device);
     try {
         generator.set_state(state.cpu());
     } catch (const c10::Error&) {
         throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
-                                 " bytes is not one of LibTorch's CPU generator");
+                                 " bytes is not one of LibTorch's generator on the " + device.str());
     }
     return generator;
 }

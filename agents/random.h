@@ -13,15 +13,16 @@ namespace cale {
 /// (Steele et al. 2014), so that neighbouring seeds and streams have nothing in common.
 std::uint64_t stream_seed(std::uint64_t seed, std::uint64_t stream);
 
-/// A generator on the CPU: what is drawn does not depend on the device that trains.
-at::Generator make_generator(std::uint64_t seed);
+/// On the CPU what is drawn does not depend on the device that trains; on that device it need not travel.
+at::Generator make_generator(std::uint64_t seed, c10::Device device = c10::DeviceType::CPU);
 
 /// A generator's state as uint8 [bytes].
 torch::Tensor random_state(const at::Generator& generator);
 torch::Tensor random_state(const std::mt19937_64& engine);
 
-/// The generators that such states are of. Both throw std::runtime_error for other bytes.
-at::Generator restored_generator(const torch::Tensor& state);
+/// The generators that such states are of, the first on `device`. Both throw std::runtime_error for other
+/// bytes.
+at::Generator restored_generator(const torch::Tensor& state, c10::Device device = c10::DeviceType::CPU);
 std::mt19937_64 restored_engine(const torch::Tensor& state);
 
 }  // namespace cale

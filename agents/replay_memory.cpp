@@ -1,8 +1,11 @@
 #include "agents/replay_memory.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
+
+#include <c10/core/impl/VirtualGuardImpl.h>
 
 #include <torch/torch.h>
 
@@ -10,6 +13,9 @@ namespace cale {
 namespace {
 
 constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
+
+constexpr std::array kDeviceParts{&Batch::observation, &Batch::action,           &Batch::n_step_return,
+                                  &Batch::discount,    &Batch::next_observation, &Batch::probability};
 
 ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
     return {.capacity = settings.replay_capacity,
@@ -37,9 +43,18 @@ ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec
       spec_(spec),
       replay_(replay_config(settings, spec, prioritised)),
       sampled_(replay_.empty_batch(settings.batch_size)),
-      random_(seed) {}
+      copied_(spec.device.type()),
+      random_(seed) {
+    if (spec.device.is_cpu()) return;
+    on_device_ = sampled_;  // `index` stays where it is
+    for (const auto part : kDeviceParts) {
+        sampled_.*part = (sampled_.*part).pin_memory();
+        on_device_.*part = torch::empty_like(sampled_.*part, spec.device);
+    }
+}
 
 void ReplayMemory::store(const Experiences& seen) {
+    const Timed timed(time_.replay);
     const auto frame_size = static_cast<std::size_t>(spec_.frame_height * spec_.frame_width);
     const auto count = static_cast<std::size_t>(spec_.num_envs);
     const bool continuous = spec_.num_actions == 0;
@@ -93,16 +108,23 @@ double ReplayMemory::epsilon(const EpsilonSettings& settings) const {
 }
 
 Batch ReplayMemory::sample() {
-    replay_.sample_into(sampled_, random_);
-    Batch batch = sampled_;
-    for (auto* tensor : {&batch.observation, &batch.action, &batch.n_step_return, &batch.discount,
-                         &batch.next_observation, &batch.probability})
-        *tensor = tensor->to(spec_.device);
-    return batch;
+    // The batch before this one may still be on its way. Behind it the device learns, meanwhile.
+    if (copied_.was_marked_for_recording()) copied_.synchronize();
+    {
+        const Timed timed(time_.replay);
+        replay_.sample_into(sampled_, random_);
+    }
+    if (spec_.device.is_cpu()) return sampled_;
+    const Timed timed(time_.transfer);
+    for (const auto part : kDeviceParts) (on_device_.*part).copy_(sampled_.*part, /*non_blocking=*/true);
+    copied_.record(c10::impl::VirtualGuardImpl(spec_.device.type()).getStream(spec_.device));
+    return on_device_;
 }
 
 void ReplayMemory::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
-    replay_.set_priorities(batch.index, priorities.to(torch::kCPU));
+    const auto on_host = priorities.to(torch::kCPU);  // waits for the device
+    const Timed timed(time_.replay);
+    replay_.set_priorities(batch.index, on_host);
 }
 
 void ReplayMemory::add_state(StateParts& parts) {

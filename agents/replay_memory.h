@@ -6,11 +6,13 @@
 #include <random>
 #include <string>
 
+#include <c10/core/Event.h>
 #include <torch/types.h>
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
 #include "agents/state.h"
+#include "agents/time_split.h"
 #include "cale/fields.h"
 #include "replay/replay_buffer.h"
 
@@ -71,7 +73,10 @@ class ReplayMemory {
     /// Epsilon of the next decision: 1 during the warm-up, then as `settings` say.
     double epsilon(const EpsilonSettings& settings) const;
 
-    /// A batch on the agent's device; the next call may overwrite it. `index` stays on the CPU.
+    /// What store() and sample() took so far.
+    const TimeSplit& time() const { return time_; }
+
+    /// A batch on the agent's device, in the same memory every time. `index` stays on the CPU.
     Batch sample();
     /// For the batch sampled last, before anything else is stored: see ReplayBuffer.
     void set_priorities(const Batch& batch, const torch::Tensor& priorities);
@@ -85,9 +90,12 @@ class ReplayMemory {
     ReplaySettings settings_;
     AgentSpec spec_;
     ReplayBuffer replay_;
-    Batch sampled_;  // filled anew by every sample()
+    Batch sampled_;    // filled anew by every sample()
+    Batch on_device_;  // and copied there, unless that is the CPU
+    c10::Event copied_;
     std::mt19937_64 random_;
     std::int64_t decisions_ = 0;
+    TimeSplit time_;
 };
 
 }  // namespace cale

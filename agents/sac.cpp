@@ -8,6 +8,7 @@
 
 #include <torch/torch.h>
 
+#include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -123,8 +124,9 @@ class Sac final : public Agent {
           learner_(make_learner(config, spec)),
           memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+          noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise), spec.device)),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          gradient_step_(spec.device, {noise_random_}) {}
 
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -148,12 +150,17 @@ class Sac final : public Agent {
         const auto updates = memory_.next_decisions().multiples_of(config_.replay.update_period);
         if (!memory_.warm()) return false;
         for (std::int64_t i = 0; i < updates; ++i) {
-            const auto noise =
-                torch::randn({2, config_.replay.batch_size, kActionSize}, noise_random_).to(spec_.device);
-            newest_ = sac_update(learner_, memory_.sample(), {noise[0], noise[1]}, config_);
+            const auto batch = memory_.sample();
+            gradient_step_([&] {
+                const auto noise =
+                    torch::randn({2, config_.replay.batch_size, kActionSize}, noise_random_, spec_.device);
+                newest_ = sac_update(learner_, batch, {noise[0], noise[1]}, config_);
+            });
         }
         return updates > 0;
     }
+
+    TimeSplit memory_time() const override { return memory_.time(); }
 
     std::map<std::string, double> metrics() override {
         std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()}};
@@ -175,6 +182,7 @@ class Sac final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_ = {};
+        gradient_step_.forget();
     }
     void save_memory(const std::string& path) const override { memory_.save(path); }
     void load_memory(const std::string& path) override { memory_.load(path); }
@@ -208,6 +216,7 @@ class Sac final : public Agent {
     ReplayMemory memory_;
     ActionBox box_ = joystick_box();
     at::Generator acting_random_, noise_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
     SacLosses newest_;
 };
 

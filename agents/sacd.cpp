@@ -6,6 +6,7 @@
 
 #include <torch/torch.h>
 
+#include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -113,7 +114,8 @@ class Sacd final : public Agent {
           learner_(make_learner(config, spec)),
           memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          gradient_step_(spec.device, {}) {}
 
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -140,10 +142,14 @@ class Sacd final : public Agent {
     bool update(const torch::Tensor&) override {
         const auto updates = memory_.next_decisions().multiples_of(config_.replay.update_period);
         if (!memory_.warm()) return false;
-        for (std::int64_t i = 0; i < updates; ++i)
-            newest_ = sacd_update(learner_, memory_.sample(), target_entropy_, config_);
+        for (std::int64_t i = 0; i < updates; ++i) {
+            const auto batch = memory_.sample();
+            gradient_step_([&] { newest_ = sacd_update(learner_, batch, target_entropy_, config_); });
+        }
         return updates > 0;
     }
+
+    TimeSplit memory_time() const override { return memory_.time(); }
 
     std::map<std::string, double> metrics() override {
         std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()}};
@@ -165,6 +171,7 @@ class Sacd final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_ = {};
+        gradient_step_.forget();
     }
     void save_memory(const std::string& path) const override { memory_.save(path); }
     void load_memory(const std::string& path) override { memory_.load(path); }
@@ -190,6 +197,7 @@ class Sacd final : public Agent {
     SacdLearner learner_;
     ReplayMemory memory_;
     at::Generator acting_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
     SacdLosses newest_;
 };
 

@@ -47,13 +47,14 @@ void restore(const StateParts& parts, const TensorMap& state) {
     std::vector<std::pair<std::mt19937_64*, std::mt19937_64>> engines;
     std::vector<std::pair<std::int64_t*, std::int64_t>> counters;
     for (const auto& [name, generator] : parts.generators)
-        generators.emplace_back(generator, restored_generator(stored(name)));
+        generators.emplace_back(generator, restored_generator(stored(name), generator->device()));
     for (const auto& [name, engine] : parts.engines)
         engines.emplace_back(engine, restored_engine(stored(name)));
     for (const auto& [name, counter] : parts.counters)
         counters.emplace_back(counter, stored(name).item<std::int64_t>());
 
-    for (const auto& [generator, value] : generators) *generator = value;
+    // In place: who else holds the generator goes on with it.
+    for (const auto& [generator, value] : generators) generator->set_state(value.get_state());
     for (const auto& [engine, value] : engines) *engine = value;
     for (const auto& [counter, value] : counters) *counter = value;
     for (const auto& [name, tensor] : parts.tensors) tensor.copy_(stored(name));

@@ -1,23 +1,27 @@
-// Agent steps per second of our VectorEnv under random continuous actions: one number on stdout.
-//   env_speed GAME ENVIRONMENTS THREADS STEPS
+// Agent steps per second of our VectorEnv under random actions: one number on stdout.
+//   env_speed GAME ENVIRONMENTS THREADS STEPS [minimal]
+// With "minimal" the actions are those of the game's minimal discrete set.
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <numbers>
 #include <random>
+#include <string_view>
 #include <vector>
 
 #include "cale/vector_env.h"
 
 int main(int argc, char** argv) {
-    if (argc != 5) {
-        std::fprintf(stderr, "usage: env_speed GAME ENVIRONMENTS THREADS STEPS\n");
+    const bool minimal = argc == 6 && std::string_view(argv[5]) == "minimal";
+    if (argc != 5 && !minimal) {
+        std::fprintf(stderr, "usage: env_speed GAME ENVIRONMENTS THREADS STEPS [minimal]\n");
         return 2;
     }
     cale::EnvConfig config = cale::protocol_200m(argv[1]);
     config.num_envs = std::atoll(argv[2]);
     config.env_threads = std::atoll(argv[3]);
+    if (minimal) config.action_space = cale::ActionSpace::minimal;
     const std::int64_t steps = std::atoll(argv[4]) / config.num_envs;
 
     const auto n = static_cast<std::size_t>(config.num_envs);
@@ -28,6 +32,8 @@ int main(int argc, char** argv) {
     std::vector<std::uint8_t> final_frames(frames.size());
     std::vector<cale::StepResult> results(n);
     std::vector<cale::ContinuousAction> actions(n);
+    std::vector<std::int64_t> choices(n);
+    const auto num_actions = static_cast<std::int64_t>(env.actions().size());
     std::mt19937 random(1);
     std::uniform_real_distribution<float> unit(0, 1);
     constexpr float pi = std::numbers::pi_v<float>;
@@ -36,8 +42,13 @@ int main(int argc, char** argv) {
     std::chrono::steady_clock::time_point start;
     for (std::int64_t step = -100; step < steps; ++step) {
         if (step == 0) start = std::chrono::steady_clock::now();
-        for (auto& action : actions) action = {unit(random), pi * (2 * unit(random) - 1), unit(random)};
-        env.step(actions, frames, final_frames, results);
+        if (minimal) {
+            for (auto& choice : choices) choice = static_cast<std::int64_t>(random()) % num_actions;
+            env.step(choices, frames, final_frames, results);
+        } else {
+            for (auto& action : actions) action = {unit(random), pi * (2 * unit(random) - 1), unit(random)};
+            env.step(actions, frames, final_frames, results);
+        }
     }
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
     std::printf("%.1f\n", static_cast<double>(steps * config.num_envs) / seconds.count());

@@ -71,12 +71,6 @@ class ThreadTeam {
     std::vector<std::jthread> threads_;
 };
 
-int team_size(const EnvConfig& config) {
-    const std::int64_t cores = std::max(1u, std::thread::hardware_concurrency());
-    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : cores;
-    return static_cast<int>(std::clamp<std::int64_t>(wanted, 1, config.num_envs));
-}
-
 void require_size(std::size_t size, std::size_t expected, const char* what) {
     if (size == expected) return;
     throw std::invalid_argument(std::string(what) + ": " + std::to_string(size) + " given, " +
@@ -87,7 +81,7 @@ void require_size(std::size_t size, std::size_t expected, const char* what) {
 
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : envs(seeds.size()), errors(seeds.size()), team(team_size(config)) {
+        : envs(seeds.size()), errors(seeds.size()), team(static_cast<int>(threads(config))) {
         for_each_env([&](std::size_t i) { envs[i].emplace(config, seeds[i]); });
     }
 
@@ -145,6 +139,12 @@ VectorEnv::VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> see
 VectorEnv::~VectorEnv() = default;
 VectorEnv::VectorEnv(VectorEnv&&) noexcept = default;
 VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
+
+std::int64_t VectorEnv::threads(const EnvConfig& config) {
+    const std::int64_t cores = std::max(1u, std::thread::hardware_concurrency());
+    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : cores;
+    return std::clamp<std::int64_t>(wanted, 1, config.num_envs);
+}
 
 std::int64_t VectorEnv::size() const {
     return std::ssize(impl_->envs);

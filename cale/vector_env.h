@@ -21,6 +21,9 @@ class VectorEnv {
     VectorEnv(VectorEnv&&) noexcept;
     VectorEnv& operator=(VectorEnv&&) noexcept;
 
+    /// How many threads step the environments of such a configuration; with one it is the caller's.
+    static std::int64_t threads(const EnvConfig& config);
+
     std::int64_t size() const;
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;

@@ -4,6 +4,9 @@
 # TorchConfig.cmake of a CUDA build insists on a CUDA toolkit (nvcc). Nothing here
 # compiles CUDA code, so this module looks for the headers and the libraries
 # themselves. Torch_DIR, CMAKE_PREFIX_PATH and LibTorch_ROOT are respected.
+#
+# LibTorch_CUDA_FOUND: it is a build with CUDA, its CUDA libraries are beside it (PyPI's packages
+# or LibTorch's own copies), and the runtime's headers are there, or those of a toolkit.
 if(Torch_DIR)
     get_filename_component(torch_hint ${Torch_DIR}/../../.. ABSOLUTE)
 endif()
@@ -11,6 +14,20 @@ find_path(LibTorch_INCLUDE_DIR torch/csrc/api/include/torch/torch.h
     HINTS ${torch_hint} PATH_SUFFIXES include)
 find_library(LibTorch_CPU_LIBRARY torch_cpu HINTS ${torch_hint} PATH_SUFFIXES lib)
 find_library(LibTorch_C10_LIBRARY c10 HINTS ${torch_hint} PATH_SUFFIXES lib)
+
+get_filename_component(torch_root ${LibTorch_INCLUDE_DIR}/.. REALPATH)
+find_library(LibTorch_CUDA_LIBRARY torch_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
+find_library(LibTorch_C10_CUDA_LIBRARY c10_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
+file(GLOB cuda_folders ${torch_root}/../nvidia/cu*)
+find_path(LibTorch_CUDA_INCLUDE_DIR cuda_runtime_api.h
+    HINTS ${cuda_folders} PATHS /usr/local/cuda ENV CUDA_HOME PATH_SUFFIXES include)
+file(GLOB cuda_runtime ${torch_root}/../nvidia/cu*/lib/libcudart.so.* ${torch_root}/lib/libcudart*.so*)
+# The small set of scripts/setup --cpu has the runtime, as LibTorch's loader asks for it, but not cuBLAS.
+file(GLOB cublas ${torch_root}/../nvidia/cu*/lib/libcublas.so.* ${torch_root}/lib/libcublas.so*)
+set(LibTorch_CUDA_FOUND FALSE)
+if(LibTorch_CUDA_LIBRARY AND LibTorch_C10_CUDA_LIBRARY AND LibTorch_CUDA_INCLUDE_DIR AND cuda_runtime AND cublas)
+    set(LibTorch_CUDA_FOUND TRUE)
+endif()
 
 if(LibTorch_INCLUDE_DIR AND EXISTS ${LibTorch_INCLUDE_DIR}/torch/headeronly/version.h)
     file(STRINGS ${LibTorch_INCLUDE_DIR}/torch/headeronly/version.h version_lines
@@ -34,4 +51,9 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
         "SHELL:-idirafter ${LibTorch_INCLUDE_DIR}/torch/csrc/api/include")
     target_link_libraries(LibTorch::LibTorch INTERFACE
         ${LibTorch_CPU_LIBRARY} ${LibTorch_C10_LIBRARY})
+    if(LibTorch_CUDA_FOUND)
+        target_compile_options(LibTorch::LibTorch INTERFACE "SHELL:-idirafter ${LibTorch_CUDA_INCLUDE_DIR}")
+        target_link_libraries(LibTorch::LibTorch INTERFACE
+            ${LibTorch_CUDA_LIBRARY} ${LibTorch_C10_CUDA_LIBRARY} ${cuda_runtime})
+    endif()
 endif()

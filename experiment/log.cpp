@@ -4,6 +4,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
@@ -112,6 +114,31 @@ void ProgressLog::add_columns(const std::vector<std::string>& unseen) {
     for (const auto row : rows) wider.append(row).append(unseen.size(), ',').append("\n");
     write_file_atomically(file_.path(), wider);
     file_ = AppendFile(file_.path(), static_cast<std::int64_t>(wider.size()));
+}
+
+std::map<std::string, std::vector<double>> read_progress(const std::filesystem::path& path) {
+    const std::string text = read_file(path);
+    std::map<std::string, std::vector<double>> columns;
+    std::vector<std::string> names;
+    for (const auto line : whole_lines(text)) {
+        const auto cells = split(line);
+        if (names.empty()) {
+            names = cells;
+            continue;
+        }
+        if (cells.size() != names.size())
+            throw std::runtime_error(fmt::format("{}: '{}' has {} cells where the header has {}",
+                                                 path.string(), line, cells.size(), names.size()));
+        for (std::size_t i = 0; i < cells.size(); ++i) {
+            char* end = nullptr;
+            const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), &end);
+            if (end != nullptr && *end != '\0')
+                throw std::runtime_error(
+                    fmt::format("{}: {} is '{}', which is no number", path.string(), names[i], cells[i]));
+            columns[names[i]].push_back(value);
+        }
+    }
+    return columns;
 }
 
 }  // namespace cale

@@ -81,4 +81,8 @@ class ProgressLog {
     std::int64_t rows_ = 0;
 };
 
+/// The columns of a progress.csv by name; a cell that is empty is not a number.
+/// Throws std::runtime_error, naming the file, where it cannot be read or a cell is something else.
+std::map<std::string, std::vector<double>> read_progress(const std::filesystem::path& path);
+
 }  // namespace cale

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <thread>
 
@@ -17,9 +18,11 @@
 #include <nlohmann/json.hpp>
 
 #include "cale/games.h"
+#include "cale/vector_env.h"
 #include "experiment/checkpoint.h"
 #include "experiment/command_line.h"
 #include "experiment/files.h"
+#include "experiment/threads.h"
 #include "experiment/training.h"
 #include "experiment/versions.h"
 
@@ -58,11 +61,18 @@ torch::Device choose_device(const std::string& wish) {
     return device;
 }
 
-/// Half the cores: OpenMP's threads wait by spinning, so that one core too many, wanted by
-/// anything else, makes an update several times slower, while the second of two gains little.
-int choose_threads(const std::string& wish) {
-    if (wish == "auto") return static_cast<int>(std::max(1u, std::thread::hardware_concurrency() / 2));
-    return std::stoi(wish);
+/// A resumed run goes on with the number it was started with: sums on other numbers of threads
+/// round differently.
+int choose_threads(const std::string& wish, const Program& program, const std::optional<fs::path>& resumed) {
+    if (wish != "auto") return std::stoi(wish);
+    if (resumed) {
+        const auto metadata = nlohmann::json::parse(read_file(*resumed / "metadata.json"), nullptr, false);
+        if (metadata.is_object() && metadata.value("threads", 0) > 0) return metadata["threads"].get<int>();
+    }
+    const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    const auto env_threads = static_cast<int>(VectorEnv::threads(program.env));
+    // Environments that step while the agent learns keep their cores.
+    return measured_threads(program.train.overlap ? std::max(1, cores - env_threads) : cores);
 }
 
 /// 1234567 as "1,234,567".
@@ -166,18 +176,19 @@ int run(const Program& program, int argc, const char* const* argv) {
         throw ConfigError(fmt::format("env.game: {}", error.what()));
     }
     const torch::Device device = choose_device(line.device);
-    const int threads = choose_threads(line.threads);
     // Adam's averages of weights without gradients decay into subnormal numbers, which cost a
     // CPU a hundred times more: an update would slow down two- to fourfold within an hour. Set
     // before LibTorch starts its threads, which inherit it. XLA, under the reference, does the same.
     at::globalContext().setFlushDenormal(true);
-    at::set_num_threads(threads);
     // Gradients of tens of megabytes come and go with every update: keep their pages.
     mallopt(M_MMAP_THRESHOLD, 1 << 30);
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const fs::path run_dir = choose_run_dir(line, program, *game);
     if (line.resume) refuse_other_configuration(program, run_dir);
+    const int threads =
+        choose_threads(line.threads, program, line.resume ? std::optional(run_dir) : std::nullopt);
+    at::set_num_threads(threads);
 
     AgentSpec spec;
     spec.num_envs = program.env.num_envs;
@@ -187,6 +198,12 @@ int run(const Program& program, int argc, const char* const* argv) {
     spec.seed = static_cast<std::uint64_t>(program.train.seed);
     spec.device = device;
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
+    if (program.train.overlap && !agent->learns_from_replay()) {
+        throw ConfigError(
+            fmt::format("train.overlap: {} learns only from the steps of its newest policy, so its "
+                        "environments cannot step while it learns; set train.overlap to false",
+                        program.agent_name));
+    }
     if (!line.resume) create_run_dir(run_dir);
 
     write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());

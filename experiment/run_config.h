@@ -15,6 +15,7 @@ struct TrainConfig {
     std::int64_t checkpoint_every = 250'000;
     std::int64_t keep_checkpoints = 2;
     bool save_replay = true;
+    bool overlap = false;
 };
 
 template <class Visit>
@@ -27,6 +28,9 @@ void fields(TrainConfig& config, Visit&& visit) {
     visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000}, "older checkpoints are deleted");
     visit("save_replay", config.save_replay,
           "checkpoints hold the replay; without it a resumed run starts with an empty one");
+    visit("overlap", config.overlap,
+          "the environments step while the agent learns, so that it acts with the parameters from before its "
+          "newest update; false: the paper's strict order");
 }
 
 struct EvalConfig {

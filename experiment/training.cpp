@@ -5,11 +5,13 @@
 #include <cmath>
 #include <csignal>
 #include <cstring>
+#include <future>
 #include <optional>
 
 #include <fmt/format.h>
 #include <torch/torch.h>
 
+#include "agents/time_split.h"
 #include "cale/frames.h"
 #include "cale/games.h"
 #include "cale/vector_env.h"
@@ -69,11 +71,11 @@ class Games {
         for (std::size_t i = 0; i < results_.size(); ++i) stack_.push(i, frame(frames_, i));
     }
 
-    /// [N, 4, 84, 84] uint8; a view that the next play() changes.
+    /// [N, 4, 84, 84] uint8; a view that the next take_in() changes.
     torch::Tensor observations() const { return stack_tensor(stack_, results_.size(), kStack); }
 
-    /// One agent step everywhere. Appends the episodes that ended to `ended`.
-    void play(const torch::Tensor& actions, Agent& agent, RunState& state, std::vector<Episode>& ended) {
+    /// One agent step everywhere. The observations stay what they were until take_in().
+    void step(const torch::Tensor& actions) {
         if (env_.actions().empty()) {
             static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
             env_.step(std::span(reinterpret_cast<const ContinuousAction*>(actions.const_data_ptr<float>()),
@@ -83,6 +85,10 @@ class Games {
             env_.step(std::span(actions.const_data_ptr<std::int64_t>(), results_.size()), next_frames_,
                       final_frames_, results_);
         }
+    }
+
+    /// Tells the agent what its actions led to. Appends the episodes that ended to `ended`.
+    void take_in(const torch::Tensor& actions, Agent& agent, RunState& state, std::vector<Episode>& ended) {
         agent.observe(
             {.frames = frames_, .actions = actions, .results = results_, .final_frames = final_frames_});
         std::swap(frames_, next_frames_);
@@ -212,8 +218,12 @@ class Run {
         std::vector<Episode> ended;
         while (state_.step < config_.total_steps && !stop_requested) {
             const std::int64_t before = state_.step;
-            agent_.update(games.observations());
-            games.play(agent_.act(games.observations(), ActMode::train), agent_, state_, ended);
+            if (config_.overlap) {
+                step_while_learning(games, ended);
+            } else {
+                step_strictly(games, ended);
+            }
+            const Timed timed(time_.log);
             for (const auto& episode : ended) record(episode);
             ended.clear();
             if (passed(before, state_.step, log_.every)) report();
@@ -235,6 +245,52 @@ class Run {
     }
 
   private:
+    /// The paper's order: learn, decide, act, remember.
+    void step_strictly(Games& games, std::vector<Episode>& ended) {
+        learn(games);
+        const auto actions = decide(games);
+        {
+            const Timed timed(time_.environment);
+            games.step(actions);
+        }
+        take_in(games, actions, ended);
+    }
+
+    /// The environments step on another thread while the agent learns, so that it acts with the
+    /// parameters from before its newest update. Of the environments' time only the wait counts.
+    void step_while_learning(Games& games, std::vector<Episode>& ended) {
+        const auto actions = decide(games);
+        auto stepping = std::async(std::launch::async, [&] { games.step(actions); });
+        learn(games);
+        {
+            const Timed timed(time_.environment);
+            stepping.get();
+        }
+        take_in(games, actions, ended);
+    }
+
+    void learn(Games& games) {
+        const auto before = agent_.memory_time();
+        {
+            const Timed timed(time_.update);
+            agent_.update(games.observations());
+        }
+        // What an update spends on its batches is the replay's.
+        const auto after = agent_.memory_time();
+        for (const auto part : {&TimeSplit::replay, &TimeSplit::transfer}) {
+            time_.*part += after.*part - before.*part;
+            time_.update -= after.*part - before.*part;
+        }
+    }
+    torch::Tensor decide(Games& games) {
+        const Timed timed(time_.act);
+        return agent_.act(games.observations(), ActMode::train);
+    }
+    void take_in(Games& games, const torch::Tensor& actions, std::vector<Episode>& ended) {
+        const Timed timed(time_.replay);
+        games.take_in(actions, agent_, state_, ended);
+    }
+
     void record(const Episode& episode) {
         episodes_.write(episode);
         ++state_.episodes;
@@ -263,6 +319,9 @@ class Run {
         const double steps_per_second = speed_.read(state_.step, seconds);
         auto metrics = agent_.metrics();
         check_finite(metrics, state_, options_.run_dir);
+        for (const auto& [name, part] : TimeSplit::kParts)
+            metrics[fmt::format("time/{}", name)] = time_.*part / time_.total();
+        time_ = {};
         shown_.clear();
         for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
             const auto found = metrics.find(tag);
@@ -333,6 +392,7 @@ class Run {
     std::optional<RunState> resumed_from_;
     Stopwatch stopwatch_;
     Speedometer speed_;
+    TimeSplit time_;  // since the newest report
     Console console_;
     EpisodeLog episodes_;
     ProgressLog progress_;

@@ -26,6 +26,12 @@ Adam::Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config)
     }
     steps_ = torch::zeros({}, parameters_.front().options().dtype(torch::kFloat32).requires_grad(false));
     steps_of_each_.assign(parameters_.size(), steps_);
+    if (!steps_.is_cpu()) learning_rate_ = torch::full_like(steps_, config.learning_rate);
+}
+
+void Adam::set_learning_rate(double learning_rate) {
+    config_.learning_rate = learning_rate;
+    if (learning_rate_.defined()) learning_rate_.fill_(learning_rate);
 }
 
 void Adam::step() {
@@ -41,9 +47,16 @@ void Adam::step() {
                                 : torch::empty_like(parameter).copy_(gradient));
     }
     steps_.add_(1);
-    at::_fused_adam_(parameters_, gradients, first_moments_, second_moments_, {}, steps_of_each_,
-                     config_.learning_rate, config_.beta1, config_.beta2, /*weight_decay=*/0, config_.epsilon,
-                     /*amsgrad=*/false, /*maximize=*/false);
+    const auto update = [&](const auto& learning_rate) {
+        at::_fused_adam_(parameters_, gradients, first_moments_, second_moments_, {}, steps_of_each_,
+                         learning_rate, config_.beta1, config_.beta2, /*weight_decay=*/0, config_.epsilon,
+                         /*amsgrad=*/false, /*maximize=*/false);
+    };
+    if (learning_rate_.defined()) {
+        update(learning_rate_);
+    } else {
+        update(config_.learning_rate);  // a double: float32 would round it
+    }
 }
 
 void Adam::zero_grad() {

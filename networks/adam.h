@@ -35,13 +35,15 @@ class Adam {
     std::map<std::string, torch::Tensor> state() const;
 
     double learning_rate() const { return config_.learning_rate; }
-    void set_learning_rate(double learning_rate) { config_.learning_rate = learning_rate; }
+    /// Takes effect on a recorded step() too (see CapturedUpdate).
+    void set_learning_rate(double learning_rate);
 
   private:
     AdamConfig config_;
     std::vector<torch::Tensor> parameters_, first_moments_, second_moments_;
     torch::Tensor steps_;                       // [] float32 beside the parameters, as the kernel wants it
     std::vector<torch::Tensor> steps_of_each_;  // the same tensor once per parameter
+    torch::Tensor learning_rate_;               // [] float32 beside them, unless that is the CPU
 };
 
 /// target += tau * (online - target), in place: Polyak averaging. Throws std::invalid_argument

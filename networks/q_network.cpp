@@ -48,7 +48,9 @@ torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* no
 
 QNoise QHeadImpl::draw_noise(at::Generator generator) const {
     if (!config_.noisy) return {};
-    const auto normal = [&](std::int64_t size) { return torch::randn({size}, generator); };
+    const auto normal = [&](std::int64_t size) {
+        return torch::randn({size}, generator, generator.device());
+    };
     const auto shared = normal(config_.hidden_units);
     return {{normal(in_), normal(config_.hidden_units)},
             {shared, normal(config_.num_actions * config_.num_atoms)},

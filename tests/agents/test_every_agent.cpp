@@ -274,6 +274,28 @@ TEST_P(EveryAgent, RefusesATruncationWithoutItsFinalFrames) {
     EXPECT_NO_THROW(agent->observe(seen));
 }
 
+/// More updates than a CUDA graph takes to be recorded. What an agent draws for its updates is drawn on the
+/// device and differs there, so that only agents without such draws end up where they would on the CPU.
+TEST_P(EveryAgent, LearnsOnACudaDeviceAsOnTheCpu) {
+    if (!torch::cuda::is_available()) GTEST_SKIP() << "this machine has no CUDA device";
+    const auto on_cpu = make(world(2));
+    auto spec = world(2);
+    spec.device = torch::kCUDA;
+    const auto on_cuda = make(spec);
+    drive(*on_cpu, world(2), 0, 60);
+    drive(*on_cuda, spec, 0, 60);
+    EXPECT_EQ(gradient_steps_of(*on_cuda), gradient_steps_of(*on_cpu));
+    EXPECT_GT(gradient_steps_of(*on_cuda), 10);
+    for (const auto& [name, value] : on_cuda->metrics()) EXPECT_TRUE(std::isfinite(value)) << name;
+    const auto expected = on_cpu->state();
+    for (const auto& [name, value] : on_cuda->state()) {
+        if (!name.starts_with("network/")) continue;
+        EXPECT_TRUE(value.isfinite().all().item<bool>()) << name;
+        if (GetParam().name == "Sac" || GetParam().name == "Der") continue;
+        EXPECT_TRUE(torch::allclose(value, expected.at(name), 1e-2, 1e-3)) << name;
+    }
+}
+
 TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
     const auto spec = world();
     const auto agent = make(spec);

@@ -5,9 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include <ATen/Parallel.h>
+
+#include "agents/ppo.h"
 #include "agents/sac.h"
 #include "cale/games.h"
 #include "experiment/files.h"
@@ -23,14 +27,19 @@ struct Answer {
     std::string stderr_text;
 };
 
-Answer train_sac(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), "train_sac");
-    std::vector<const char*> argv;
+template <class Config>
+Answer train(const std::string& agent, std::unique_ptr<Agent> (*make)(const Config&, const AgentSpec&),
+             const std::vector<std::string>& arguments) {
+    const auto program = "train_" + agent;
+    std::vector<const char*> argv{program.c_str()};
     for (const auto& argument : arguments) argv.push_back(argument.c_str());
     testing::internal::CaptureStderr();
-    const int code =
-        run_program<SacConfig>("sac", "Trains.", make_sac, static_cast<int>(argv.size()), argv.data());
+    const int code = run_program<Config>(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
     return {code, testing::internal::GetCapturedStderr()};
+}
+
+Answer train_sac(const std::vector<std::string>& arguments) {
+    return train("sac", make_sac, arguments);
 }
 
 /// A run of a few steps with a small network.
@@ -73,6 +82,31 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
         EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
     }
     EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
+}
+
+TEST(ProgramEmulator, OverlapIsForAgentsWithAReplay) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    const auto answer = train("ppo", make_ppo, {"--run-dir", run.string(), "train.overlap=true"});
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_THAT(answer.stderr_text, testing::HasSubstr("train.overlap: ppo learns only from"));
+    EXPECT_FALSE(std::filesystem::exists(run));
+    EXPECT_EQ(train_sac(small(run, {"train.overlap=true"})).code, 0);
+}
+
+TEST(ProgramEmulator, AResumedRunKeepsItsThreads) {
+    const TemporaryFolder folder;
+    const int before = at::get_num_threads();
+    auto arguments = small(folder.path());
+    arguments[3] = "2";  // of --threads
+    ASSERT_EQ(train_sac(arguments).code, 0);
+    at::set_num_threads(1);
+    // Without --threads: auto.
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(longer.code, 0) << longer.stderr_text;
+    EXPECT_EQ(at::get_num_threads(), 2);
+    at::set_num_threads(before);
 }
 
 TEST(ProgramEmulator, AFolderWithARunIsNotOverwritten) {

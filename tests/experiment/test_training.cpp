@@ -16,6 +16,7 @@
 #include "agents/sac.h"
 #include "experiment/checkpoint.h"
 #include "experiment/files.h"
+#include "experiment/log.h"
 #include "experiment/safetensors.h"
 #include "temporary_folder.h"
 
@@ -111,6 +112,58 @@ TEST_F(TrainingEmulator, AsksUpdateActObserveInThatOrder) {
     EXPECT_EQ(agent.calls, "uaouaouao");
     EXPECT_TRUE(agent.first_frames_blank.front());
     EXPECT_FALSE(agent.first_frames_blank.back() && agent.first_frames_blank[1]);
+}
+
+TEST_F(TrainingEmulator, OverlapDecidesBeforeItLearns) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train_config.total_steps = 3;
+    train_config.overlap = true;
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.calls, "auoauoauo");
+}
+
+TEST_F(TrainingEmulator, OverlapPlaysTheSameGamesWhereNothingIsLearnt) {
+    eval.episodes = 0;
+    env.num_envs = 2;
+    std::vector<std::string> episodes;
+    for (const bool overlap : {false, true}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        train_config.overlap = overlap;
+        ScribeAgent agent(2);
+        train(agent);
+        episodes.push_back(read_file(place.path() / "episodes.csv"));
+    }
+    EXPECT_EQ(episodes[0], episodes[1]);
+    EXPECT_GT(episodes[0].size(), 100u);
+}
+
+TEST_F(TrainingEmulator, OverlapReportsWhatFailedInAnEnvironment) {
+    struct OutOfBounds : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            return ScribeAgent::act(observations, mode) + 2;
+        }
+    } agent(1);
+    train_config.overlap = true;
+    EXPECT_THROW(train(agent), std::exception);
+}
+
+TEST_F(TrainingEmulator, TheTimeOfARunIsSplitWithoutRemainder) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train(agent);
+    const auto columns = read_progress(folder.path() / "progress.csv");
+    for (std::size_t row = 0; row < columns.at("seconds").size(); ++row) {
+        double sum = 0;
+        for (const auto& [name, part] : TimeSplit::kParts) {
+            EXPECT_GE(columns.at("time/" + std::string(name))[row], 0) << name;
+            sum += columns.at("time/" + std::string(name))[row];
+        }
+        EXPECT_NEAR(sum, 1, 1e-9);
+        EXPECT_GT(columns.at("time/environment")[row], 0.1) << "an agent that does nothing";
+    }
 }
 
 TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
@@ -211,9 +264,11 @@ TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
     eval.episodes = 0;
 
     std::vector<std::string> episodes, parameters;
-    for (const std::uint64_t seed : {7u, 7u, 8u}) {
+    for (const auto& [seed, overlap] : std::vector<std::pair<std::uint64_t, bool>>{
+             {7, false}, {7, false}, {8, false}, {7, true}, {7, true}}) {
         const TemporaryFolder place;
         options.run_dir = place.path();
+        train_config.overlap = overlap;
         train_config.seed = static_cast<std::int64_t>(seed);
         AgentSpec spec;
         spec.seed = seed;
@@ -225,6 +280,9 @@ TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
     EXPECT_EQ(episodes[0], episodes[1]);
     EXPECT_TRUE(parameters[0] == parameters[1]) << "parameters, optimisers and generators, bit for bit";
     EXPECT_FALSE(parameters[0] == parameters[2]) << "another seed, another run";
+    EXPECT_EQ(episodes[3], episodes[4]);
+    EXPECT_TRUE(parameters[3] == parameters[4]) << "overlap is reproducible too";
+    EXPECT_FALSE(parameters[0] == parameters[3]) << "but acts with older parameters";
 }
 
 }  // namespace

@@ -1,0 +1,18 @@
+// For a LibTorch without CUDA: see agents/cuda/captured_update.cpp.
+#include "agents/captured_update.h"
+
+namespace cale {
+
+struct CapturedUpdate::Impl {};
+
+CapturedUpdate::CapturedUpdate(c10::Device, std::vector<at::Generator>) {}
+CapturedUpdate::~CapturedUpdate() = default;
+CapturedUpdate::CapturedUpdate(CapturedUpdate&&) noexcept = default;
+CapturedUpdate& CapturedUpdate::operator=(CapturedUpdate&&) noexcept = default;
+
+void CapturedUpdate::operator()(const std::function<void()>& update) {
+    update();
+}
+void CapturedUpdate::forget() {}
+
+}  // namespace cale
