@@ -1,0 +1,91 @@
+"""CleanRL's own scripts, run as they are out of a checkout (CALE_CLEANRL), with a clock set between their statements.
+     cleanrl_peer.py AGENT SECONDS THREADS     at the 100k protocol, real ALE
+   Prints ms per gradient step, ms of replay work per gradient step, and agent steps per second.
+   AGENT: dqn, der, ppo, sacd. CleanRL is not installed: its last release on PyPI is of 2021 and has no such scripts."""
+import ast
+import os
+import sys
+import tempfile
+import time
+
+agent, seconds, threads = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
+checkout = os.path.abspath(os.environ["CALE_CLEANRL"])
+sys.path[:0] = [checkout]
+
+import torch  # noqa: E402
+from ale_py.registration import register_v0_v4_envs  # noqa: E402
+from measure import Window, report  # noqa: E402
+
+SCRIPT = {"dqn": "dqn_atari", "der": "rainbow_atari", "ppo": "ppo_atari", "sacd": "sac_atari"}
+BATCH = {"dqn": 32, "der": 32, "ppo": 256, "sacd": 64}
+REPLAY = "--buffer-size 100000 --learning-starts 1600 "
+ARGUMENTS = "--env-id PongNoFrameskip-v4 --total-timesteps 100000 --no-cuda " + {
+    "dqn": REPLAY + "--train-frequency 1 --target-network-frequency 2000",
+    "der": REPLAY + "--train-frequency 1 --target-network-frequency 2000 --n-step 10",
+    "ppo": "--update-epochs 3",
+    "sacd": REPLAY + "--update-frequency 4"}[agent]
+
+
+class Clock(Window):
+    """Also sums what lies between begin(name) and end(name) in the window."""
+
+    def __init__(self):
+        super().__init__(seconds)
+        self.began, self.total, self.updates = {}, {"update": 0, "replay": 0}, 0
+
+    def begin(self, name):
+        self.began[name] = time.perf_counter()
+
+    def end(self, name):
+        if self.start is not None:
+            self.total[name] += time.perf_counter() - self.began[name]
+            self.updates += name == "update"
+
+    def mark_step(self, step):
+        if speed := self.mark(step):
+            replay = 1e3 * self.total["replay"] / self.updates
+            report(peer="cleanrl", agent=agent, encoder="nature", batch=BATCH[agent],
+                   ms=1e3 * self.total["update"] / self.updates - replay, sample_ms=replay, steps_per_second=speed)
+            sys.exit()
+
+
+def statement(text):
+    return ast.parse(text).body[0]
+
+
+def timed(name, body):
+    return [statement(f"clock.begin('{name}')"), *body, statement(f"clock.end('{name}')")]
+
+
+def calls_replay(node):
+    return isinstance(node, (ast.Assign, ast.Expr)) and ast.unparse(getattr(node, "value", node)).startswith(
+        ("rb.sample(", "rb.update_priorities("))
+
+
+class Instrument(ast.NodeTransformer):
+    def visit_If(self, node):
+        """The gradient step of the off-policy scripts: the block that samples the replay."""
+        self.generic_visit(node)
+        if any(calls_replay(child) for child in node.body):
+            node.body = timed("update", [s for child in node.body for s in (
+                timed("replay", [child]) if calls_replay(child) else [child])])
+        return node
+
+    def visit_For(self, node):
+        self.generic_visit(node)
+        if ast.unparse(node.target) == "start":
+            node.body = timed("update", node.body)
+        elif ast.unparse(node.target) in ("global_step", "iteration"):
+            node.body.insert(0, statement("clock.mark_step(global_step)"))
+        return node
+
+
+torch.set_num_threads(threads)
+register_v0_v4_envs()
+path = os.path.join(checkout, "cleanrl", SCRIPT[agent] + ".py")
+tree = ast.fix_missing_locations(Instrument().visit(ast.parse(open(path).read())))
+sys.argv = [path, *ARGUMENTS.split()]
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    sys.stdout = open(os.devnull, "w")
+    exec(compile(tree, path, "exec"), {"__name__": "__main__", "__file__": path, "clock": Clock()})

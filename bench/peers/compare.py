@@ -1,0 +1,192 @@
+"""Ours against the peers on this machine, in turn, medians: what bench/compare runs. Tables on stdout, rows in a CSV."""
+import argparse
+import csv
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+BINARIES = os.path.join(HERE, "../../build/bin")
+CONFIGS = os.path.join(HERE, "../../configs")
+GAME = "pong"
+
+# The peer, and the network it has: phi_* is the same as ours, "nature" its own, smaller one (unpadded convolutions).
+UPDATES = [  # agent, encoder, name in bench_update, batch, peers
+    ("sac", "phi_sac", "sac_phi_sac", 32, ["dopamine phi_sac"]),
+    ("sac", "phi_dqn", "sac_phi_dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature"]),
+    ("sacd", "phi_dqn", "sacd_phi_dqn", 64, ["cleanrl nature"]),
+    ("dqn", "phi_dqn", "dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature", "cleanrl nature"]),
+    ("der", "phi_dqn", "der", 32, ["dopamine phi_dqn", "cleanrl nature"]),
+    ("ppo", "phi_sac", "ppo_phi_sac_minibatch", 256, ["dopamine phi_sac"]),
+    ("ppo", "phi_dqn", "ppo_phi_dqn_minibatch", 256, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature", "cleanrl nature"]),
+]
+ATARI100K = "env.sticky_probability=0 env.terminal_on_life_loss=true "
+RUNS = [  # agent, network, configuration, settings that make it what the peers run, peers
+    ("sac", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
+    ("sac", "phi_dqn", "atari100k", "agent.encoder=phi_dqn", ["sb3 nature"]),
+    ("sacd", "phi_dqn", "atari100k", "agent.encoder=phi_dqn agent.min_replay=1600", ["cleanrl nature"]),
+    ("dqn", "phi_dqn", "atari100k", "", ["dopamine phi_dqn", "sb3 nature", "cleanrl nature"]),
+    ("der", "phi_dqn", "atari100k", "", ["dopamine phi_dqn", "cleanrl nature"]),
+    ("ppo", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
+    ("ppo", "nature", "discrete", ATARI100K + "agent.epochs=3", ["sb3 nature", "cleanrl nature"]),
+]
+SHAPES = [(1, 1), (8, 1), (8, 2), (32, 2)]  # environments, threads
+
+options = argparse.ArgumentParser(prog="bench/compare", description=__doc__)
+options.add_argument("repetitions", nargs="?", type=int, default=5)
+options.add_argument("--only", choices=["env", "update", "end-to-end"])
+options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates and end-to-end runs")
+options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
+options.add_argument("--csv", default="build/bench.csv")
+options = options.parse_args()
+
+log = open("build/bench.log", "w")
+rows = []
+
+
+def run(command, threads):
+    """Output and peak memory in MB of a command that has THREADS cores to itself; None if it fails."""
+    environment = os.environ | {"CALE_BENCH_SECONDS": str(options.seconds), "OMP_NUM_THREADS": str(threads)}
+    process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=log, text=True,
+                               env=environment, preexec_fn=lambda: os.sched_setaffinity(0, range(threads)))
+    output = process.stdout.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        print(f"left out: '{' '.join(map(str, command))}' failed with code {process.returncode}; see build/bench.log")
+        return None, None
+    return output, usage.ru_maxrss / 1024
+
+
+def peer(name, key, threads, *arguments):
+    """KEY of the JSON line that the peer's script prints, and its peak memory."""
+    folder, script = {"dopamine": ("jax", "dopamine"), "sb3": ("torch", "sb3"), "cleanrl": ("torch", "cleanrl")}.get(
+        name, ("env", "env"))
+    output, memory = run([f"{os.environ['CALE_PEERS']}/{folder}/bin/python", f"{HERE}/{script}_peer.py", *arguments],
+                         threads)
+    return (json.loads(output.splitlines()[-1])[key], memory) if output else None
+
+
+def compare(section, agent, encoder, threads, unit, ours, peers):
+    """Runs ours and every peer in turn; prints and keeps one row per peer. A function returns (value, memory)."""
+    results = {name: [] for name in ["ours", *peers]}
+    for _ in range(options.repetitions):
+        for name, measure in [("ours", ours), *peers.items()]:
+            if results[name] is not None:
+                result = measure()
+                results[name] = None if result is None else [*results[name], result]
+    if results["ours"] is None:
+        sys.exit("bench/compare: our own program failed")
+    median = {name: [statistics.median(column) for column in zip(*values)] for name, values in results.items() if values}
+    mine, my_memory = median.pop("ours")
+    for name, (value, memory) in median.items():
+        ratio = value / mine if unit == "ms" else mine / value
+        rows.append(dict(section=section, agent=agent, encoder=encoder, threads=threads, peer=name, unit=unit,
+                         cale=f"{mine:.4g}", theirs=f"{value:.4g}", ratio=f"{ratio:.2f}", cale_mb=f"{my_memory:.0f}",
+                         theirs_mb=f"{memory:.0f}", repetitions=options.repetitions))
+        print(f"{agent:14} {encoder:10} {threads:7}   {name:18} {mine:10.4g} {value:10.4g} {ratio:8.2f}"
+              + (f" {my_memory:9.0f} {memory:9.0f}" if section == "end-to-end" else ""), flush=True)
+
+
+def heading(text, first, second, *more):
+    print(f"\n{text} (median of {options.repetitions})\n{first:14} {second:10} threads   {'peer':18} "
+          f"{'cale':>10} {'peer':>10} {'ratio':>8}" + "".join(f" {column:>9}" for column in more), flush=True)
+
+
+def available(names):
+    return [name for name in names if not name.startswith("cleanrl") or "CALE_CLEANRL" in os.environ]
+
+
+def environments():
+    heading(f"Environment: agent steps per second on {GAME}, sticky actions, 84x84x4", "environments", "actions")
+    for num_envs, threads in SHAPES:
+        shape = [GAME, num_envs, threads, 6000]
+
+        def ours(*space):
+            def measure():
+                output, memory = run([f"{BINARIES}/env_speed", *shape, *space], threads)
+                return (float(output), memory) if output else None
+            return measure
+
+        def theirs(name):
+            return lambda: peer(name, "steps_per_second", threads, name, *shape)
+
+        compare("env", f"{num_envs}", "continuous", threads, "steps/s", ours(), {"ale-py": theirs("ale-py")})
+        discrete = ["ale-py-discrete", "envpool"] + (["envpool-async"] if num_envs > 1 else [])
+        compare("env", f"{num_envs}", "discrete", threads, "steps/s", ours("minimal"), {n: theirs(n) for n in discrete})
+
+
+def our_update(name, threads):
+    output, memory = run([f"{BINARIES}/bench_update", f"--benchmark_filter=^{name}/{threads}/",
+                          f"--benchmark_min_time={options.seconds}", "--benchmark_format=json"], threads)
+    return (json.loads(output)["benchmarks"][0]["real_time"], memory) if output else None
+
+
+def peer_update(name, agent, threads):
+    library, encoder = name.split()
+    if library == "cleanrl":
+        return peer(library, "ms", threads, agent, options.seconds, threads)
+    return peer(library, "ms", threads, "update", agent, encoder, *([threads] if library == "sb3" else []))
+
+
+def updates():
+    heading("Update: milliseconds per gradient step", "agent", "network")
+    for agent, encoder, name, batch, peers in UPDATES:
+        for threads in (1, 2):
+            if options.agent in (None, agent):
+                compare("update", agent, encoder, threads, "ms", lambda: our_update(name, threads),
+                        {p: lambda p=p: peer_update(p, agent, threads) for p in available(peers)})
+
+
+def our_run(agent, configuration, settings, threads):
+    """A short run; its speed between two rows of progress.csv, after the replay's warm-up."""
+    every, start = (1024, 2048) if agent == "ppo" else (180, 1620)
+    with tempfile.TemporaryDirectory() as folder:
+        output, memory = run([
+            f"{BINARIES}/train_{agent}", "--config", f"{CONFIGS}/{agent}/{configuration}.yaml", f"env.game={GAME}",
+            *settings.split(), f"train.total_steps={start + 2 * every}",
+            f"log.every={every}", "eval.episodes=0", "--threads", threads, "--run-dir", f"{folder}/run",
+            "--no-progress"], threads)
+        if output is None:
+            return None
+        with open(f"{folder}/run/progress.csv") as file:
+            time = {int(row["global_step"]): float(row["seconds"]) for row in csv.DictReader(file)}
+    end = max(time)
+    return (end - start) / (time[end] - time[start]), memory
+
+
+def peer_run(name, agent, threads):
+    library, seconds = name.split()[0], 4 * options.seconds
+    if library == "cleanrl":
+        return peer(library, "steps_per_second", threads, agent, seconds, threads)
+    return peer(library, "steps_per_second", threads, "run", agent, seconds, *([threads] if library == "sb3" else []))
+
+
+def end_to_end():
+    heading(f"End to end: agent steps per second at the 100k protocol on {GAME}, after the warm-up; peak memory in MB",
+            "agent", "network", "cale MB", "peer MB")
+    for agent, encoder, configuration, settings, peers in RUNS:
+        if options.agent in (None, agent):
+            compare("end-to-end", agent, encoder, 2, "steps/s",
+                    lambda: our_run(agent, configuration, settings, 2),
+                    {p: lambda p=p: peer_run(p, agent, 2) for p in available(peers)})
+
+
+model = re.search(r"model name\s*: (.*)", open("/proc/cpuinfo").read())
+print(f"{model.group(1) if model else 'unknown processor'}, {os.cpu_count()} cores")
+if os.getloadavg()[0] > 0.5:
+    print(f"warning: the machine is busy (load {os.getloadavg()[0]:.1f}): these figures are not worth keeping")
+if "CALE_CLEANRL" not in os.environ:
+    print("CleanRL's rows are left out: set CALE_CLEANRL to a checkout of vwxyzjn/cleanrl")
+for section, measure in {"env": environments, "update": updates, "end-to-end": end_to_end}.items():
+    if options.only in (None, section):
+        measure()
+with open(options.csv, "w", newline="") as file:
+    writer = csv.DictWriter(file, rows[0])
+    writer.writeheader()
+    writer.writerows(rows)
+print(f"\nAll rows: {options.csv}. Picture: bench/plot {options.csv} docs/performance.svg")
