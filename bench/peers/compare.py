@@ -44,6 +44,8 @@ options.add_argument("--seconds", type=float, default=5, help="of one timed upda
 options.add_argument("--csv", default="build/bench.csv")
 options = options.parse_args()
 
+if "CALE_PEERS" not in os.environ:
+    sys.exit("run bench/compare: it installs the peers")
 log = open("build/bench.log", "w")
 rows = []
 
