@@ -28,6 +28,7 @@ if(CALE_BUILD_TRAIN)
     find_package(nlohmann_json REQUIRED)
     # LibTorch brings the headers and the compiler of an old protobuf, without its library.
     cmake_path(GET LibTorch_INCLUDE_DIR PARENT_PATH CMAKE_IGNORE_PREFIX_PATH)
+    list(APPEND CMAKE_IGNORE_PREFIX_PATH ${CALE_DEPS_DIR}/libtorch)
     find_package(Protobuf REQUIRED)
     unset(CMAKE_IGNORE_PREFIX_PATH)
     find_library(ZSTD_LIBRARY zstd REQUIRED)

@@ -1,6 +1,7 @@
 #include "networks/encoders.h"
 
 #include <array>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -13,6 +14,35 @@ namespace cale {
 namespace {
 
 constexpr double kLayerNormEpsilon = 1e-6;  // Flax's, not PyTorch's 1e-5
+
+/// [B, C, H, W] bytes as numbers from 0 to 1, channels last: several times faster to convolve on a CPU than
+/// channels first. There it is one pass by table; LibTorch's own three cost 8 % of an update of DQN.
+torch::Tensor scaled_pixels(const torch::Tensor& bytes, at::ScalarType type) {
+    if (!bytes.is_cpu() || type != at::kFloat) {
+        return bytes.to(type).div_(255).contiguous(at::MemoryFormat::ChannelsLast);
+    }
+    static const auto table = [] {
+        std::array<float, 256> values{};
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i) / 255;
+        return values;
+    }();
+    const auto planes = bytes.contiguous();
+    const auto channels = bytes.size(1), pixels = bytes.size(2) * bytes.size(3);
+    auto scaled =
+        torch::empty(bytes.sizes(), torch::dtype(at::kFloat).memory_format(at::MemoryFormat::ChannelsLast));
+    const auto* from = planes.const_data_ptr<std::uint8_t>();
+    auto* to = scaled.data_ptr<float>();
+    at::parallel_for(0, bytes.size(0), /*grain_size=*/4, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t image = begin * channels * pixels; image < end * channels * pixels;
+             image += channels * pixels) {
+            for (std::int64_t channel = 0; channel < channels; ++channel) {
+                for (std::int64_t pixel = 0; pixel < pixels; ++pixel)
+                    to[image + pixel * channels + channel] = table[from[image + channel * pixels + pixel]];
+            }
+        }
+    });
+    return scaled;
+}
 
 torch::Tensor max_pool_same(const torch::Tensor& x) {
     const auto [top, bottom] = same_padding(x.size(2), 3, 2);
@@ -85,10 +115,7 @@ torch::Tensor Trunk::operator()(const torch::Tensor& observation) const {
             "] and type uint8, not " + shape_text(observation.sizes()) + " " +
             std::string(observation.dtype().name()));
     }
-    // Channels last: several times faster on a CPU than channels first.
-    auto x = observation.to(convs_.front()->weight.scalar_type())
-                 .div_(255)
-                 .contiguous(at::MemoryFormat::ChannelsLast);
+    auto x = scaled_pixels(observation, convs_.front()->weight.scalar_type());
     x = config_.encoder == EncoderKind::impala ? residual_stages(x) : stacked_convolutions(x);
     return x.flatten(1);
 }

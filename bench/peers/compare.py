@@ -19,10 +19,13 @@ UPDATES = [  # agent, encoder, name in bench_update, batch, peers
     ("sac", "phi_sac", "sac_phi_sac", 32, ["dopamine phi_sac"]),
     ("sac", "phi_dqn", "sac_phi_dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature"]),
     ("sacd", "phi_dqn", "sacd_phi_dqn", 64, ["cleanrl nature"]),
-    ("dqn", "phi_dqn", "dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature", "cleanrl nature"]),
-    ("der", "phi_dqn", "der", 32, ["dopamine phi_dqn", "cleanrl nature"]),
+    ("dqn", "phi_dqn", "dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn"]),
+    ("dqn", "nature", "dqn_nature", 32, ["sb3 nature", "cleanrl nature"]),
+    ("der", "phi_dqn", "der", 32, ["dopamine phi_dqn"]),
+    ("der", "nature", "der_nature", 32, ["cleanrl nature"]),
     ("ppo", "phi_sac", "ppo_phi_sac_minibatch", 256, ["dopamine phi_sac"]),
-    ("ppo", "phi_dqn", "ppo_phi_dqn_minibatch", 256, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature", "cleanrl nature"]),
+    ("ppo", "phi_dqn", "ppo_phi_dqn_minibatch", 256, ["dopamine phi_dqn", "sb3 phi_dqn"]),
+    ("ppo", "nature", "ppo_nature_minibatch", 256, ["sb3 nature", "cleanrl nature"]),
 ]
 ATARI100K = "env.sticky_probability=0 env.terminal_on_life_loss=true "
 RUNS = [  # agent, network, configuration, settings that make it what the peers run, peers
