@@ -69,13 +69,13 @@ class Agent {
     /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.
     virtual std::map<std::string, double> metrics() = 0;
 
-    /// Everything that the future of this agent depends on but for the replay's contents.
+    /// Everything that the future of this agent depends on but for the replay's contents; a rollout under way
+    /// is part of it.
     virtual TensorMap state() = 0;
     /// Throws std::runtime_error, and changes nothing, for the state of another agent or configuration.
     virtual void load_state(const TensorMap& state) = 0;
     /// The replay's contents, written to and read from a file; agents without memory do nothing.
     virtual void save_memory(const std::string& path) const = 0;
-    /// After it new games begin: what was remembered of unfinished episodes is dropped.
     virtual void load_memory(const std::string& path) = 0;
 };
 

@@ -190,12 +190,22 @@ class Ppo final : public Agent {
         return values;
     }
 
-    TensorMap state() override { return saved(parts()); }
+    TensorMap state() override {
+        auto state = saved(parts());
+        add_part(state, "rollout/", rollout_.state());
+        if (repeats()) add_part(state, "repeated_frame/", repeated_frame_.state());
+        return state;
+    }
     void load_state(const TensorMap& state) override {
+        Rollout rollout(rollout_.config);  // so that nothing has changed if a part is missing
+        rollout.restore(part_of(state, "rollout/"));
+        auto repeated_frame = repeated_frame_;
+        if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
         restore(parts(), state);
+        rollout_ = std::move(rollout);
+        repeated_frame_ = std::move(repeated_frame);
         newest_.clear();
         gradient_step_.forget();
-        rollout_.clear();
     }
     void save_memory(const std::string&) const override {}
     void load_memory(const std::string&) override {}

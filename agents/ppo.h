@@ -133,8 +133,8 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},
 /// charts/{learning_rate, epsilon}.
-/// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/.... A rollout under way is
-/// not part of it.
+/// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
+/// repeated_frame/....
 /// Throws std::invalid_argument where rollout_steps is no multiple of num_envs or of minibatch_size.
 std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec);
 

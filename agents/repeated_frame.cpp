@@ -1,6 +1,7 @@
 #include "agents/repeated_frame.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include <torch/torch.h>
 
@@ -15,6 +16,29 @@ void RepeatedFrame::remember(std::span<const std::uint8_t> frame, const StepResu
 void RepeatedFrame::push() {
     repeated_ = previous_;
     newer_ = 0;
+}
+
+std::map<std::string, torch::Tensor> RepeatedFrame::state() const {
+    const auto or_empty = [](const torch::Tensor& frame) {
+        return frame.defined() ? frame.clone() : torch::empty({0}, torch::kUInt8);
+    };
+    return {{"previous", or_empty(previous_)},
+            {"repeated", or_empty(repeated_)},
+            {"newer", torch::tensor(newer_, torch::kInt64)}};
+}
+
+void RepeatedFrame::restore(const std::map<std::string, torch::Tensor>& state) {
+    for (const auto* name : {"previous", "repeated", "newer"}) {
+        if (!state.contains(name))
+            throw std::runtime_error(std::string("the agent's state lacks 'repeated_frame/") + name + "'");
+    }
+    const auto or_none = [&](const char* name) {
+        const auto& frame = state.at(name);
+        return frame.numel() > 0 ? frame.clone() : torch::Tensor();
+    };
+    previous_ = or_none("previous");
+    repeated_ = or_none("repeated");
+    newer_ = state.at("newer").item<std::int64_t>();
 }
 
 torch::Tensor RepeatedFrame::next(const torch::Tensor& observations) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
+#include <string>
 
 #include <torch/types.h>
 
@@ -20,6 +22,11 @@ class RepeatedFrame {
     void push();
     /// What the reference sees of the next observations [1, stack, H, W] uint8.
     torch::Tensor next(const torch::Tensor& observations);
+
+    /// By name; a frame that is not there is empty.
+    std::map<std::string, torch::Tensor> state() const;
+    /// Throws std::runtime_error, and changes nothing, for a state that lacks a part.
+    void restore(const std::map<std::string, torch::Tensor>& state);
 
   private:
     torch::Tensor previous_, repeated_;  // [H * W]

@@ -134,7 +134,6 @@ void ReplayMemory::add_state(StateParts& parts) {
 
 void ReplayMemory::load(const std::string& path) {
     replay_.load(path);
-    replay_.abandon_episodes();
 }
 
 }  // namespace cale

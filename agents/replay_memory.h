@@ -83,7 +83,6 @@ class ReplayMemory {
 
     void add_state(StateParts& parts);
     void save(const std::string& path) const { replay_.save(path); }
-    /// After it new games begin.
     void load(const std::string& path);
 
   private:

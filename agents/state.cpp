@@ -19,6 +19,17 @@ void StateParts::add(const std::string& prefix, const TensorMap& named) {
     for (const auto& [name, tensor] : named) tensors[prefix + name] = tensor.detach();
 }
 
+void add_part(TensorMap& state, const std::string& prefix, const TensorMap& named) {
+    for (const auto& [name, tensor] : named) state[prefix + name] = tensor;
+}
+
+TensorMap part_of(const TensorMap& state, const std::string& prefix) {
+    TensorMap part;
+    for (const auto& [name, tensor] : state)
+        if (name.starts_with(prefix)) part[name.substr(prefix.size())] = tensor;
+    return part;
+}
+
 TensorMap saved(const StateParts& parts) {
     TensorMap state;
     for (const auto& [name, tensor] : parts.tensors)

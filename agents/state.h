@@ -27,6 +27,10 @@ struct StateParts {
     void add(const std::string& prefix, const TensorMap& named);
 };
 
+/// Adds what is `named` to `state` as prefix + name; and gets it back.
+void add_part(TensorMap& state, const std::string& prefix, const TensorMap& named);
+TensorMap part_of(const TensorMap& state, const std::string& prefix);
+
 /// Copies on the CPU.
 TensorMap saved(const StateParts& parts);
 

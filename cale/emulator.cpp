@@ -1,12 +1,16 @@
 #include "cale/emulator.h"
 
 #include <algorithm>
+#include <bit>
 #include <fstream>
 #include <iterator>
 #include <random>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include <zlib.h>
 
 #include <ale/ale_interface.hpp>
 #include <ale/common/ColourPalette.hpp>
@@ -34,6 +38,11 @@ void check_rom(const Game& game, const std::filesystem::path& file) {
                                                     : std::to_string(bytes.size()) + " bytes with MD5 " + md5;
     throw std::runtime_error(name + " is not the " + std::string(game.rom) + " that ALE supports but " +
                              content + ": replace it by the one that scripts/setup installs");
+}
+
+// ALE takes much for a state that is none.
+unsigned long checksum(const std::string& bytes) {
+    return crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size()));
 }
 
 std::vector<Event> events(const ale::ActionVect& actions) {
@@ -116,6 +125,33 @@ int Emulator::act(Event event, float strength) {
     }
     impl_->generator.discard(1);  // ALE's draw for the second player
     return impl_->ale->act(static_cast<ale::Action>(impl_->held), impl_->held_strength);
+}
+
+std::string Emulator::state() const {
+    const std::string console = impl_->ale->cloneState(/*include_rng=*/true).serialize();
+    std::ostringstream text;
+    text << impl_->generator << ' ' << static_cast<int>(impl_->held) << ' '
+         << std::bit_cast<std::uint32_t>(impl_->held_strength) << ' ' << checksum(console) << '\n';
+    return text.str() + console;
+}
+
+void Emulator::restore(const std::string& state) {
+    std::istringstream text(state);
+    int held = 0;
+    std::uint32_t strength = 0;
+    unsigned long expected = 0;
+    text >> impl_->generator >> held >> strength >> expected;
+    const bool readable = text.get() == '\n' && held >= 0 && held <= static_cast<int>(Event::down_left_fire);
+    try {
+        if (!readable) throw std::invalid_argument("its first line");
+        const auto console = state.substr(static_cast<std::size_t>(text.tellg()));
+        if (checksum(console) != expected) throw std::invalid_argument("its checksum");
+        impl_->ale->restoreState(ale::ALEState(console));
+    } catch (...) {  // ALE throws texts as well as exceptions
+        throw std::runtime_error("a stored state of the emulator is damaged, or another game's");
+    }
+    impl_->held = static_cast<Event>(held);
+    impl_->held_strength = std::bit_cast<float>(strength);
 }
 
 bool Emulator::game_over() const {

@@ -32,6 +32,14 @@ class Emulator {
     /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
     int act(Event event, float strength);
 
+    /// All that what follows a reset() depends on, as bytes: the console, the score keeping, the sticky
+    /// actions.
+    std::string state() const;
+    /// Continues where state() was, from the reset() on that must come next: ALE 0.12.1 leaves a field out of
+    /// its own state (whether the last frame was cut short), which a reset sets.
+    /// Throws std::runtime_error, and leaves the emulator unusable, for bytes that are no such state.
+    void restore(const std::string& state);
+
     bool game_over() const;
     int lives() const;
     /// Frames acted since the ROM was loaded, and since the game began. Of the frames that a

@@ -14,6 +14,8 @@
 namespace cale {
 namespace {
 
+constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
+
 void check_ranges(EnvConfig config) {
     fields(config, [](std::string_view name, const auto& value, const auto& range, const auto&...) {
         if constexpr (std::is_same_v<std::remove_cvref_t<decltype(range)>, Range>) {
@@ -74,7 +76,12 @@ struct Env::Impl {
                    static_cast<float>(config.sticky_probability), seed),
           frames(emulator.screen_height(), emulator.gray_palette()),
           actions(chosen_actions(emulator, config.action_space)),
-          noop_generator(noop_stream(seed)) {}
+          noop_generator(noop_stream(seed)) {
+        // So that no step allocates.
+        const auto longest = static_cast<std::size_t>(config.max_frames_per_episode / config.frame_skip + 1);
+        record.events.reserve(std::min(longest, kReservedSteps));
+        record.strengths.reserve(std::min(longest, kReservedSteps));
+    }
 
     void start_game() {
         emulator.reset();
@@ -118,6 +125,11 @@ struct Env::Impl {
     }
 
     void reset() {
+        std::ostringstream generator;
+        generator << noop_generator << '\n';
+        record.start = generator.str() + emulator.state();
+        record.events.clear();
+        record.strengths.clear();
         start_game();
         const auto choices = static_cast<std::uint64_t>(config.noop_max) + 1;
         const std::uint64_t noops = (noop_generator() * choices) >> 32;
@@ -127,11 +139,38 @@ struct Env::Impl {
         }
     }
 
+    StepResult step(Event event, float strength) {
+        const auto result = advance(event, strength);
+        record.events.push_back(event);
+        record.strengths.push_back(strength);
+        return result;
+    }
+
+    void resume(const GameRecord& recorded) {
+        const auto require = [](bool intact) {
+            if (!intact) throw std::runtime_error("a recorded game is damaged, or another configuration's");
+        };
+        std::istringstream text(recorded.start);
+        text >> noop_generator;
+        require(text.get() == '\n' && recorded.events.size() == recorded.strengths.size());
+        episode_over = true;
+        emulator.restore(recorded.start.substr(static_cast<std::size_t>(text.tellg())));
+        reset();
+        record.start = recorded.start;
+        for (std::size_t i = 0; i < recorded.events.size(); ++i) {
+            const float strength = recorded.strengths[i];
+            require(!episode_over && recorded.events[i] <= Event::down_left_fire && strength >= 0 &&
+                    strength <= 1);
+            step(recorded.events[i], strength);
+        }
+    }
+
     EnvConfig config;
     Emulator emulator;
     FramePipeline frames;
     std::vector<Event> actions;
     std::mt19937 noop_generator;
+    GameRecord record;
     int lives = 0;
     bool episode_over = true;
 };
@@ -155,7 +194,7 @@ StepResult Env::step(const ContinuousAction& action, std::span<std::uint8_t> obs
     validate(action);
     const Event event = joystick_event(action, static_cast<float>(config.threshold), config.event_map);
     const auto result =
-        impl_->advance(event, config.paddle_strength == PaddleStrength::radius ? action.radius : 1);
+        impl_->step(event, config.paddle_strength == PaddleStrength::radius ? action.radius : 1);
     impl_->frames.write(observation);
     return result;
 }
@@ -166,9 +205,16 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
         throw std::out_of_range("there is no action " + std::to_string(action) + " among the " +
                                 std::to_string(actions.size()) + " discrete actions of this environment");
     }
-    const auto result = impl_->advance(actions[static_cast<std::size_t>(action)], 1);
+    const auto result = impl_->step(actions[static_cast<std::size_t>(action)], 1);
     impl_->frames.write(observation);
     return result;
+}
+
+const GameRecord& Env::record() const {
+    return impl_->record;
+}
+void Env::resume(const GameRecord& record) {
+    impl_->resume(GameRecord(record));  // it may be this environment's own
 }
 
 std::span<const Event> Env::actions() const {

@@ -89,6 +89,14 @@ struct StepResult {
 /// names the file, every folder searched and the way out.
 std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir);
 
+/// How a game began and what was done in it since: enough to be there again, exactly. (A state of the
+/// emulator is not: in ALE 0.12.1 it lacks a field without which Q*bert goes another way.)
+struct GameRecord {
+    std::string start;             // the emulator and the generators before the game's reset
+    std::vector<Event> events;     // what the joystick was asked to do, agent step by agent step
+    std::vector<float> strengths;  // with which strength of the paddle
+};
+
 class Env {
   public:
     /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
@@ -109,6 +117,14 @@ class Env {
     StepResult step(const ContinuousAction& action, std::span<std::uint8_t> observation);
     /// The same with an index into actions(). Throws std::out_of_range.
     StepResult step(std::int64_t action, std::span<std::uint8_t> observation);
+
+    /// The game under way; empty before the first reset().
+    const GameRecord& record() const;
+    /// Plays a recorded game again and goes on as the environment would that it is of, which must have had
+    /// the same configuration. Takes as long as the game's emulation did, 108,000 frames about 15 s. The
+    /// newest observation is not written: the caller has it. Throws std::runtime_error, and needs a reset()
+    /// then, for a record that is damaged or another game's.
+    void resume(const GameRecord& record);
 
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;

@@ -166,6 +166,11 @@ void FrameStack::push(std::size_t env, std::span<const std::uint8_t> frame) {
     std::ranges::copy(frame, stack.end() - static_cast<std::ptrdiff_t>(frame_size_));
 }
 
+void FrameStack::assign(std::span<const std::uint8_t> data) {
+    require_size(data.size(), data_.size(), "a frame stack");
+    std::ranges::copy(data, data_.begin());
+}
+
 void FrameStack::clear(std::size_t env) {
     std::ranges::fill(stack_of(env), std::uint8_t{0});
 }

@@ -85,6 +85,8 @@ class FrameStack {
 
     /// num_envs x depth x frame_size bytes.
     std::span<const std::uint8_t> data() const { return data_; }
+    /// Makes them these. Throws std::invalid_argument for another number.
+    void assign(std::span<const std::uint8_t> data);
 
   private:
     std::span<std::uint8_t> stack_of(std::size_t env);

@@ -156,6 +156,16 @@ const Env& VectorEnv::env(std::int64_t index) const {
     return *impl_->envs.at(static_cast<std::size_t>(index));
 }
 
+std::vector<GameRecord> VectorEnv::records() const {
+    std::vector<GameRecord> records;
+    for (const auto& env : impl_->envs) records.push_back(env->record());
+    return records;
+}
+void VectorEnv::resume(std::span<const GameRecord> records) {
+    require_size(records.size(), impl_->envs.size(), "recorded games");
+    impl_->for_each_env([&](std::size_t i) { impl_->envs[i]->resume(records[i]); });
+}
+
 void VectorEnv::reset(std::span<std::uint8_t> frames) {
     require_size(frames.size(), impl_->envs.size() * kFrameSize, "bytes for the frames");
     impl_->for_each_env(

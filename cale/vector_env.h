@@ -45,6 +45,11 @@ class VectorEnv {
     void step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
 
+    /// Env::record() and Env::resume() of all; not while a step is under way. Throws as they do, and
+    /// std::invalid_argument for another number of records.
+    std::vector<GameRecord> records() const;
+    void resume(std::span<const GameRecord> records);
+
     /// For videos and tests; not while a step is under way.
     const Env& env(std::int64_t index) const;
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -15,8 +16,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kFormatVersion = 1;
+constexpr int kFormatVersion = 2;
 constexpr const char* kAgentFile = "agent.safetensors";
+constexpr const char* kGamesFile = "games.safetensors";
 constexpr const char* kReplayFile = "replay.zst";
 constexpr const char* kStateFile = "state.json";
 
@@ -29,7 +31,8 @@ std::string to_json(const RunState& state, bool has_replay) {
                           {"seconds", state.seconds},
                           {"recent_returns", state.recent_returns},
                           {"episodes_offset", state.episodes_offset},
-                          {"progress_rows", state.progress_rows}}
+                          {"progress_rows", state.progress_rows},
+                          {"metrics", state.metrics}}
         .dump(2);
 }
 
@@ -40,19 +43,35 @@ RunState from_json(const nlohmann::json& json) {
             .seconds = json.at("seconds"),
             .recent_returns = json.at("recent_returns"),
             .episodes_offset = json.at("episodes_offset"),
-            .progress_rows = json.at("progress_rows")};
+            .progress_rows = json.at("progress_rows"),
+            .metrics = json.at("metrics")};
+}
+
+Checkpoint load_checkpoint(const fs::path& folder, Agent& agent, bool load_replay) {
+    std::ifstream file(folder / kStateFile);
+    if (!file) throw std::runtime_error(fmt::format("{} is missing", kStateFile));
+    const auto json = nlohmann::json::parse(file);
+    if (json.at("format_version") != kFormatVersion) {
+        throw std::runtime_error(fmt::format("its format is version {}, this program reads version {}",
+                                             json.at("format_version").dump(), kFormatVersion));
+    }
+    Checkpoint checkpoint{.state = from_json(json), .games = load_safetensors(folder / kGamesFile).tensors};
+    agent.load_state(load_safetensors(folder / kAgentFile).tensors);
+    if (load_replay && json.at("has_replay")) agent.load_memory((folder / kReplayFile).string());
+    return checkpoint;
 }
 
 }  // namespace
 
-fs::path save_checkpoint(const fs::path& run_dir, Agent& agent, const RunState& state, bool save_replay,
-                         std::int64_t keep) {
+fs::path save_checkpoint(const fs::path& run_dir, Agent& agent, const TensorMap& games, const RunState& state,
+                         bool save_replay, std::int64_t keep) {
     const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", state.step);
     const fs::path partial = folder.string() + ".partial";
     fs::remove_all(partial);
     fs::create_directories(partial);
     try {
         save_safetensors(partial / kAgentFile, agent.state());
+        save_safetensors(partial / kGamesFile, games);
         if (save_replay) agent.save_memory((partial / kReplayFile).string());
         write_file_atomically(partial / kStateFile, to_json(state, save_replay));
         fs::remove_all(folder);
@@ -83,7 +102,7 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
     return found;
 }
 
-RunState load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool load_replay) {
+Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool load_replay) {
     const auto all = list_checkpoints(run_dir);
     if (all.empty()) {
         throw ResumeError(
@@ -91,23 +110,19 @@ RunState load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool load
                         "--resume out",
                         run_dir.string()));
     }
-    const fs::path& folder = all.back();
-    try {
-        std::ifstream file(folder / kStateFile);
-        if (!file) throw std::runtime_error(fmt::format("{} is missing", kStateFile));
-        const auto json = nlohmann::json::parse(file);
-        if (json.at("format_version") != kFormatVersion) {
-            throw std::runtime_error(fmt::format("its format is version {}, this program reads version {}",
-                                                 json.at("format_version").dump(), kFormatVersion));
+    std::vector<std::string> passed_over;
+    for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
+        try {
+            auto checkpoint = load_checkpoint(*folder, agent, load_replay);
+            checkpoint.passed_over = std::move(passed_over);
+            return checkpoint;
+        } catch (const std::exception& error) {
+            passed_over.push_back(
+                fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), error.what()));
         }
-        agent.load_state(load_safetensors(folder / kAgentFile).tensors);
-        if (load_replay && json.at("has_replay")) agent.load_memory((folder / kReplayFile).string());
-        return from_json(json);
-    } catch (const std::exception& error) {
-        throw ResumeError(fmt::format(
-            "the checkpoint {} cannot be read: {}; delete that folder to resume from the one before",
-            folder.string(), error.what()));
     }
+    throw ResumeError(fmt::format("no checkpoint of {} can be read; of the newest: {}", run_dir.string(),
+                                  passed_over.front()));
 }
 
 }  // namespace cale

@@ -60,7 +60,7 @@ EvaluatedGame play(Agent& agent, Env& env, std::size_t stack_depth, Film* film,
     stack.push(0, frame);
     EvaluatedGame game;
     for (StepResult result; !result.episode_over;) {
-        const torch::Tensor chosen = agent.act(stack_tensor(stack, 1, stack_depth), ActMode::evaluate);
+        const auto chosen = agent.act(stack_tensor(stack, 1, stack_depth), ActMode::evaluate).contiguous();
         std::optional<ContinuousAction> action;
         if (env.actions().empty()) {
             const float* a = chosen.const_data_ptr<float>();

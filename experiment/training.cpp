@@ -12,13 +12,12 @@
 #include <torch/torch.h>
 
 #include "agents/time_split.h"
-#include "cale/frames.h"
 #include "cale/games.h"
-#include "cale/vector_env.h"
 #include "experiment/checkpoint.h"
 #include "experiment/console.h"
 #include "experiment/evaluation.h"
 #include "experiment/event_file.h"
+#include "experiment/games_under_way.h"
 #include "experiment/log.h"
 #include "experiment/seeds.h"
 #include "report/learning_curve.h"
@@ -54,83 +53,6 @@ class StopSignals {
   private:
     struct sigaction before_interrupt_ = {};
     struct sigaction before_terminate_ = {};
-};
-
-/// N games under way: what the agent sees of them and how they have gone so far.
-class Games {
-  public:
-    Games(const EnvConfig& config, std::uint64_t seed, std::int64_t first_step)
-        : env_(config, seeds(config, seed, first_step)),
-          results_(static_cast<std::size_t>(env_.size())),
-          episodes_(results_.size()),
-          stack_(results_.size(), kStack),
-          frames_(results_.size() * kFrameSize),
-          next_frames_(frames_.size()),
-          final_frames_(frames_.size()) {
-        env_.reset(frames_);
-        for (std::size_t i = 0; i < results_.size(); ++i) stack_.push(i, frame(frames_, i));
-    }
-
-    /// [N, 4, 84, 84] uint8; a view that the next take_in() changes.
-    torch::Tensor observations() const { return stack_tensor(stack_, results_.size(), kStack); }
-
-    /// One agent step everywhere. The observations stay what they were until take_in().
-    void step(const torch::Tensor& actions) {
-        if (env_.actions().empty()) {
-            static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
-            env_.step(std::span(reinterpret_cast<const ContinuousAction*>(actions.const_data_ptr<float>()),
-                                results_.size()),
-                      next_frames_, final_frames_, results_);
-        } else {
-            env_.step(std::span(actions.const_data_ptr<std::int64_t>(), results_.size()), next_frames_,
-                      final_frames_, results_);
-        }
-    }
-
-    /// Tells the agent what its actions led to. Appends the episodes that ended to `ended`.
-    void take_in(const torch::Tensor& actions, Agent& agent, RunState& state, std::vector<Episode>& ended) {
-        agent.observe(
-            {.frames = frames_, .actions = actions, .results = results_, .final_frames = final_frames_});
-        std::swap(frames_, next_frames_);
-        state.step += env_.size();
-        for (const auto& result : results_) state.frame += result.frames;
-        for (std::size_t i = 0; i < results_.size(); ++i) {
-            const auto& result = results_[i];
-            auto& episode = episodes_[i];
-            episode.episode_return += result.reward;
-            episode.length += 1;
-            if (result.terminal || result.truncated) stack_.clear(i);
-            stack_.push(i, frame(frames_, i));
-            if (!result.episode_over) continue;
-            episode.global_step = state.step;
-            episode.frame = state.frame;
-            episode.env = static_cast<std::int64_t>(i);
-            episode.truncated = result.truncated;
-            ended.push_back(std::exchange(episode, {}));
-        }
-    }
-
-  private:
-    static std::vector<std::uint32_t> seeds(const EnvConfig& config, std::uint64_t seed,
-                                            std::int64_t first_step) {
-        // A resumed run starts new games, so it must not replay the randomness of the old ones.
-        std::vector<std::uint32_t> result;
-        for (std::int64_t i = 0; i < config.num_envs; ++i) {
-            result.push_back(derive_seed(seed, fmt::format("environment from {}", first_step), i));
-        }
-        return result;
-    }
-    static std::span<const std::uint8_t> frame(const std::vector<std::uint8_t>& frames, std::size_t i) {
-        return std::span(frames).subspan(i * kFrameSize, kFrameSize);
-    }
-
-    VectorEnv env_;
-    std::vector<StepResult> results_;
-    std::vector<Episode> episodes_;
-    FrameStack stack_;
-    std::vector<std::uint8_t> frames_;  // that the next actions are chosen on
-    std::vector<std::uint8_t> next_frames_;
-    std::vector<std::uint8_t> final_frames_;
 };
 
 /// A clock that goes on where the last sitting stopped.
@@ -191,9 +113,10 @@ class Run {
           log_(log),
           options_(options),
           env_id_(fmt::format("ALE/{}-v5", find_game(env.game).name)),
-          state_(options.resume ? load_newest_checkpoint(options.run_dir, agent, config.save_replay)
-                                : RunState{}),
-          resumed_from_(options.resume ? std::optional(state_) : std::nullopt),
+          resumed_(options.resume
+                       ? std::optional(load_newest_checkpoint(options.run_dir, agent, config.save_replay))
+                       : std::nullopt),
+          state_(resumed_ ? resumed_->state : RunState{}),
           stopwatch_(state_.seconds),
           speed_{state_.step, state_.seconds},
           console_(stderr, options.progress_bar),
@@ -201,11 +124,11 @@ class Run {
                     {.env_id = env_id_,
                      .agent = options.agent_name,
                      .seed = static_cast<std::uint64_t>(config.seed)},
-                    resumed_from_ ? std::optional(state_.episodes_offset) : std::nullopt),
+                    resumed_ ? std::optional(state_.episodes_offset) : std::nullopt),
           progress_(options.run_dir / "progress.csv",
-                    resumed_from_ ? std::optional(state_.progress_rows) : std::nullopt) {
+                    resumed_ ? std::optional(state_.progress_rows) : std::nullopt) {
         if (log.tensorboard) {
-            events_.emplace(options.run_dir, resumed_from_ ? std::optional(state_.step) : std::nullopt);
+            events_.emplace(options.run_dir, resumed_ ? std::optional(state_.step) : std::nullopt);
             events_->write_hyperparameters(options.hyperparameters);
         }
     }
@@ -213,8 +136,20 @@ class Run {
     Outcome train() {
         const StopSignals signals;
         console_.header(fmt::format("{} on {}", options_.agent_name, env_id_), options_.header);
-        if (resumed_from_) console_.message(fmt::format("Resumed at agent step {}.", state_.step));
-        Games games(env_config_, static_cast<std::uint64_t>(config_.seed), state_.step);
+        GamesUnderWay games(env_config_, static_cast<std::uint64_t>(config_.seed));
+        if (resumed_) {
+            for (const auto& sentence : resumed_->passed_over) console_.message(sentence);
+            try {
+                games.restore(resumed_->games);
+            } catch (const std::runtime_error& error) {
+                throw ResumeError(
+                    fmt::format("the games of the checkpoint at agent step {} in {}: {}; delete that "
+                                "folder to resume from the one before",
+                                state_.step, (options_.run_dir / "checkpoints").string(), error.what()));
+            }
+            resumed_->games.clear();
+            console_.message(fmt::format("Resumed at agent step {}.", state_.step));
+        }
         std::vector<Episode> ended;
         while (state_.step < config_.total_steps && !stop_requested) {
             const std::int64_t before = state_.step;
@@ -228,11 +163,12 @@ class Run {
             ended.clear();
             if (passed(before, state_.step, log_.every)) report();
             if (console_.due()) console_.draw(progress());
-            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint();
+            // In this order: a run that is killed in an evaluation repeats it.
             if (passed(before, state_.step, eval_.every) && state_.step < config_.total_steps)
                 run_evaluation();
+            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint(games);
         }
-        checkpoint();
+        checkpoint(games);
         draw_curve();
         if (state_.step < config_.total_steps) {
             console_.message(fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}",
@@ -246,7 +182,7 @@ class Run {
 
   private:
     /// The paper's order: learn, decide, act, remember.
-    void step_strictly(Games& games, std::vector<Episode>& ended) {
+    void step_strictly(GamesUnderWay& games, std::vector<Episode>& ended) {
         learn(games);
         const auto actions = decide(games);
         {
@@ -258,7 +194,7 @@ class Run {
 
     /// The environments step on another thread while the agent learns, so that it acts with the
     /// parameters from before its newest update. Of the environments' time only the wait counts.
-    void step_while_learning(Games& games, std::vector<Episode>& ended) {
+    void step_while_learning(GamesUnderWay& games, std::vector<Episode>& ended) {
         const auto actions = decide(games);
         auto stepping = std::async(std::launch::async, [&] { games.step(actions); });
         learn(games);
@@ -269,7 +205,7 @@ class Run {
         take_in(games, actions, ended);
     }
 
-    void learn(Games& games) {
+    void learn(GamesUnderWay& games) {
         const auto before = agent_.memory_time();
         {
             const Timed timed(time_.update);
@@ -282,11 +218,11 @@ class Run {
             time_.update -= after.*part - before.*part;
         }
     }
-    torch::Tensor decide(Games& games) {
+    torch::Tensor decide(GamesUnderWay& games) {
         const Timed timed(time_.act);
         return agent_.act(games.observations(), ActMode::train);
     }
-    void take_in(Games& games, const torch::Tensor& actions, std::vector<Episode>& ended) {
+    void take_in(GamesUnderWay& games, const torch::Tensor& actions, std::vector<Episode>& ended) {
         const Timed timed(time_.replay);
         games.take_in(actions, agent_, state_, ended);
     }
@@ -317,8 +253,7 @@ class Run {
     void report() {
         const double seconds = stopwatch_.seconds();
         const double steps_per_second = speed_.read(state_.step, seconds);
-        auto metrics = agent_.metrics();
-        check_finite(metrics, state_, options_.run_dir);
+        auto metrics = newest_metrics();
         for (const auto& [name, part] : TimeSplit::kParts)
             metrics[fmt::format("time/{}", name)] = time_.*part / time_.total();
         time_ = {};
@@ -341,13 +276,23 @@ class Run {
         speed_ = {state_.step, seconds};
     }
 
-    void checkpoint() {
+    /// A resumed agent knows those of its newest update only when it has made another.
+    std::map<std::string, double> newest_metrics() {
+        auto metrics = agent_.metrics();
+        metrics.insert(state_.metrics.begin(), state_.metrics.end());
+        check_finite(metrics, state_, options_.run_dir);
+        return metrics;
+    }
+
+    void checkpoint(const GamesUnderWay& games) {
+        state_.metrics = newest_metrics();
         episodes_.sync();
         progress_.sync();
         state_.seconds = stopwatch_.seconds();
         state_.episodes_offset = episodes_.offset();
         state_.progress_rows = progress_.rows();
-        save_checkpoint(options_.run_dir, agent_, state_, config_.save_replay, config_.keep_checkpoints);
+        save_checkpoint(options_.run_dir, agent_, games.state(), state_, config_.save_replay,
+                        config_.keep_checkpoints);
     }
 
     void run_evaluation() {
@@ -388,8 +333,8 @@ class Run {
     const LogConfig& log_;
     const TrainOptions& options_;
     std::string env_id_;
+    std::optional<Checkpoint> resumed_;
     RunState state_;
-    std::optional<RunState> resumed_from_;
     Stopwatch stopwatch_;
     Speedometer speed_;
     TimeSplit time_;  // since the newest report

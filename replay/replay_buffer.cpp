@@ -276,9 +276,6 @@ ReplayBuffer& ReplayBuffer::operator=(ReplayBuffer&&) noexcept = default;
 const ReplayConfig& ReplayBuffer::config() const {
     return impl_->config;
 }
-void ReplayBuffer::abandon_episodes() {
-    for (Accumulator& accumulator : impl_->accumulators) accumulator.steps().clear();
-}
 
 std::int64_t ReplayBuffer::size() const {
     return impl_->storage.size();

@@ -84,9 +84,6 @@ class ReplayBuffer {
     /// that does not fit, or a missing final_frame.
     void add(std::int64_t env, const Experience& experience);
 
-    /// The episodes under way will not go on: their unfinished windows are dropped.
-    void abandon_episodes();
-
     /// Transitions that can be sampled: at most `capacity`, and fewer where one of the
     /// capacity newest frames serves no transition of its own (after a truncation).
     std::int64_t size() const;

@@ -20,6 +20,20 @@ void require_shape(const char* what, const torch::Tensor& tensor, at::IntArrayRe
     throw std::invalid_argument(message.str());
 }
 
+/// The tensor of that name, type and shape, in which -1 is any size.
+torch::Tensor part(const std::map<std::string, torch::Tensor>& state, const std::string& name,
+                   at::ScalarType type, at::IntArrayRef shape) {
+    const auto found = state.find(name);
+    if (found == state.end()) throw std::runtime_error("a stored rollout lacks 'rollout/" + name + "'");
+    const auto& tensor = found->second;
+    bool matches = tensor.scalar_type() == type && tensor.dim() == static_cast<std::int64_t>(shape.size());
+    for (std::size_t i = 0; matches && i < shape.size(); ++i)
+        matches = shape[i] == -1 || tensor.sizes()[i] == shape[i];
+    if (matches) return tensor;
+    throw std::runtime_error("a stored rollout holds 'rollout/" + name +
+                             "' in another shape: it was saved with another configuration");
+}
+
 ReplayConfig one_step(const RolloutConfig& config) {
     return {.num_envs = config.num_envs,
             .stack = config.stack,
@@ -100,6 +114,56 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
     ++steps;
 }
 
+std::map<std::string, torch::Tensor> Rollout::state() const {
+    if (config.replay_terminal == ReplayTerminal::dopamine) return state_by_dopamines_rule();
+    const auto cuts = static_cast<std::int64_t>(truncations.size());
+    auto cut_at = torch::empty({cuts, 2}, torch::kInt64);
+    auto cut_observation =
+        torch::empty({cuts, config.stack, config.frame_height, config.frame_width}, torch::kUInt8);
+    for (std::int64_t i = 0; i < cuts; ++i) {
+        const auto& cut = truncations[static_cast<std::size_t>(i)];
+        cut_at[i][0] = cut.step;
+        cut_at[i][1] = cut.env;
+        cut_observation[i].copy_(cut.observation);
+    }
+    const auto made = [this](const torch::Tensor& whole) { return whole.slice(0, 0, steps).clone(); };
+    return {{"observation", made(observation)}, {"action", made(action)},
+            {"reward", made(reward)},           {"terminal", made(terminal)},
+            {"truncation_at", cut_at},          {"truncation_observation", cut_observation}};
+}
+
+void Rollout::restore(const std::map<std::string, torch::Tensor>& state) {
+    if (config.replay_terminal == ReplayTerminal::dopamine) return restore_by_dopamines_rule(state);
+    const auto count = part(state, "reward", at::kFloat, {-1, config.num_envs}).size(0);
+    if (count > config.length)
+        throw std::runtime_error("a stored rollout is longer than agent.rollout_steps");
+    const auto whole = [&](const std::string& name, const torch::Tensor& like) {
+        auto shape = like.sizes().vec();
+        shape.front() = count;
+        return part(state, name, like.scalar_type(), shape);
+    };
+    const auto observations = whole("observation", observation), actions = whole("action", action),
+               rewards = whole("reward", reward), terminals = whole("terminal", terminal);
+    const auto cut_at = part(state, "truncation_at", at::kLong, {-1, 2});
+    const auto cut_observation =
+        part(state, "truncation_observation", at::kByte,
+             {cut_at.size(0), config.stack, config.frame_height, config.frame_width});
+    const auto limits = torch::tensor({count, config.num_envs});
+    if (!((cut_at >= 0) & (cut_at < limits)).all().item<bool>())
+        throw std::runtime_error("a stored rollout was cut off where it has no step");
+
+    clear();
+    steps = count;
+    observation.slice(0, 0, count).copy_(observations);
+    action.slice(0, 0, count).copy_(actions);
+    reward.slice(0, 0, count).copy_(rewards);
+    terminal.slice(0, 0, count).copy_(terminals);
+    for (std::int64_t i = 0; i < cut_at.size(0); ++i) {
+        truncations.push_back({cut_at[i][0].item<std::int64_t>(), cut_at[i][1].item<std::int64_t>(),
+                               cut_observation[i].clone()});
+    }
+}
+
 void Rollout::clear() {
     steps = 0;
     truncations.clear();
@@ -146,6 +210,73 @@ void Rollout::lay_out_elements() {
         terminal[row][0] = element.terminal;
     }
     next_observation = stacked(elements_.back().next_observation).unsqueeze(0);
+}
+
+std::map<std::string, torch::Tensor> Rollout::state_by_dopamines_rule() const {
+    const auto count = static_cast<std::int64_t>(elements_.size());
+    auto element_frames = torch::empty({count, 2, config.stack}, torch::kInt64);
+    auto element_values = torch::empty({count, 2});
+    for (std::int64_t i = 0; i < count; ++i) {
+        const auto& element = elements_[static_cast<std::size_t>(i)];
+        element_frames[i][0].copy_(torch::tensor(element.observation));
+        element_frames[i][1].copy_(torch::tensor(element.next_observation));
+        element_values[i].copy_(torch::tensor({element.reward, element.terminal}));
+    }
+    std::vector<std::int64_t> window_frames;
+    std::vector<double> window_rewards;
+    auto window = accumulator_;
+    for (const auto& step : window.steps()) {
+        window_frames.push_back(step.frame);
+        window_rewards.push_back(step.reward);
+    }
+    const auto in_one = [](const std::vector<torch::Tensor>& parts, const torch::Tensor& none) {
+        return parts.empty() ? none : torch::stack(parts);
+    };
+    return {{"frames",
+             in_one(frames_, torch::empty({0, config.frame_height, config.frame_width}, torch::kUInt8))},
+            {"frame_actions", in_one(frame_actions_, action[0].slice(0, 0, 0))},
+            {"element_frames", element_frames},
+            {"element_values", element_values},
+            {"surplus", torch::tensor(static_cast<std::int64_t>(surplus_))},
+            {"window_frames", torch::tensor(window_frames, torch::kInt64)},
+            {"window_rewards", torch::tensor(window_rewards, torch::kFloat64)}};
+}
+
+void Rollout::restore_by_dopamines_rule(const std::map<std::string, torch::Tensor>& state) {
+    const auto frames = part(state, "frames", at::kByte, {-1, config.frame_height, config.frame_width});
+    auto action_shape = action[0][0].sizes().vec();
+    action_shape.insert(action_shape.begin(), frames.size(0));
+    const auto actions = part(state, "frame_actions", action.scalar_type(), action_shape);
+    const auto element_frames = part(state, "element_frames", at::kLong, {-1, 2, config.stack});
+    const auto count = element_frames.size(0);
+    const auto element_values = part(state, "element_values", at::kFloat, {count, 2});
+    const auto surplus = part(state, "surplus", at::kLong, {}).item<std::int64_t>();
+    const auto window_frames = part(state, "window_frames", at::kLong, {-1});
+    const auto window_rewards = part(state, "window_rewards", at::kDouble, {window_frames.size(0)});
+    const auto known = [&](const torch::Tensor& ids) {
+        return ((ids >= kBlankFrame) & (ids < frames.size(0))).all().item<bool>();
+    };
+    if (count > config.length || surplus < 0 || surplus >= config.length || !known(element_frames) ||
+        !known(window_frames) || window_frames.size(0) > accumulator_.max_steps())
+        throw std::runtime_error("the parts of a stored rollout contradict each other");
+
+    clear();
+    frames_ = frames.clone().unbind();
+    frame_actions_ = actions.clone().unbind();
+    const auto ids = [](const torch::Tensor& row) {
+        const auto whole = row.contiguous();
+        return std::vector<FrameId>(whole.const_data_ptr<FrameId>(),
+                                    whole.const_data_ptr<FrameId>() + whole.numel());
+    };
+    for (std::int64_t i = 0; i < count; ++i) {
+        elements_.push_back({ids(element_frames[i][0]), ids(element_frames[i][1]),
+                             element_values[i][0].item<float>(), element_values[i][1].item<float>()});
+    }
+    surplus_ = static_cast<std::size_t>(surplus);
+    for (std::int64_t i = 0; i < window_frames.size(0); ++i)
+        accumulator_.steps().push_back({window_frames[i].item<FrameId>(), window_rewards[i].item<double>()});
+    steps = count;
+    if (full()) lay_out_elements();
 }
 
 torch::Tensor Rollout::stacked(const std::vector<FrameId>& ids) const {

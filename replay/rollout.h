@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <torch/types.h>
@@ -45,6 +47,12 @@ class Rollout {
     /// Forgets everything, an unfinished episode included.
     void clear();
 
+    /// The steps so far, by name, in memory of their own.
+    std::map<std::string, torch::Tensor> state() const;
+    /// Goes on exactly where state() was. Throws std::runtime_error, and changes nothing, for a state that
+    /// lacks a part or is of another configuration.
+    void restore(const std::map<std::string, torch::Tensor>& state);
+
     RolloutConfig config;
     std::int64_t steps = 0;     // so far
     torch::Tensor observation;  // [T, N, stack, H, W] uint8
@@ -71,6 +79,8 @@ class Rollout {
     };
     void add_by_dopamines_rule(const torch::Tensor& chosen, float scaled_reward, const StepResult& result);
     void lay_out_elements();
+    std::map<std::string, torch::Tensor> state_by_dopamines_rule() const;
+    void restore_by_dopamines_rule(const std::map<std::string, torch::Tensor>& state);
     torch::Tensor stacked(const std::vector<FrameId>& ids) const;
 
     torch::Tensor newest_;  // [stack, H, W] that the next action is chosen on

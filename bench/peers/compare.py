@@ -43,6 +43,7 @@ options = argparse.ArgumentParser(prog="bench/compare", description=__doc__)
 options.add_argument("repetitions", nargs="?", type=int, default=5)
 options.add_argument("--only", choices=["env", "update", "end-to-end"])
 options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates and end-to-end runs")
+options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates")
 options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
 options.add_argument("--csv", default="build/bench.csv")
 options = options.parse_args()
@@ -141,7 +142,7 @@ def peer_update(name, agent, threads):
 def updates():
     heading("Update: milliseconds per gradient step", "agent", "network")
     for agent, encoder, name, batch, peers in UPDATES:
-        for threads in (1, 2):
+        for threads in options.threads:
             if options.agent in (None, agent):
                 compare("update", agent, encoder, threads, "ms", lambda: our_update(name, threads),
                         {p: lambda p=p: peer_update(p, agent, threads) for p in available(peers)})

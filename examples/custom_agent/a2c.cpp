@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 
 #include <torch/torch.h>
 
@@ -75,10 +76,16 @@ class A2c final : public Agent {
     std::map<std::string, double> metrics() override { return newest_; }
 
     // One list of parts is enough for checkpoints and --resume.
-    TensorMap state() override { return saved(parts()); }
+    TensorMap state() override {
+        auto state = saved(parts());
+        add_part(state, "rollout/", rollout_.state());
+        return state;
+    }
     void load_state(const TensorMap& state) override {
+        Rollout rollout(rollout_.config);  // so that nothing has changed if a part is missing
+        rollout.restore(part_of(state, "rollout/"));
         restore(parts(), state);
-        rollout_.clear();
+        rollout_ = std::move(rollout);
     }
     void save_memory(const std::string&) const override {}
     void load_memory(const std::string&) override {}

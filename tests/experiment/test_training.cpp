@@ -39,7 +39,7 @@ class ScribeAgent : public Agent {
         }
         calls += 'a';
         first_frames_blank.push_back(observations.slice(1, 0, 3).sum().item<std::int64_t>() == 0);
-        auto actions = torch::empty({num_envs_, 3});
+        auto actions = torch::empty({3, num_envs_}).t();  // as a network's output may lie in memory
         std::uniform_real_distribution<float> unit(0, 1);
         for (std::int64_t i = 0; i < num_envs_; ++i) {
             actions[i][0] = unit(random_);
@@ -235,20 +235,51 @@ TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
     }
 }
 
-TEST_F(TrainingEmulator, ADamagedCheckpointIsNamed) {
+TEST_F(TrainingEmulator, ADamagedCheckpointIsNamedAndTheOneBeforeTaken) {
     eval.episodes = 0;
     ScribeAgent first(1);
     train(first);
+    const auto episodes = read_file(folder.path() / "episodes.csv");
     const auto newest = list_checkpoints(folder.path()).back();
     fs::resize_file(newest / "agent.safetensors", 20);
     options.resume = true;
     ScribeAgent second(1);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(train(second), Outcome::finished);
+    const auto said = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(said, testing::HasSubstr("The checkpoint " + newest.string() + " cannot be read"));
+    EXPECT_THAT(said, testing::HasSubstr("Resumed at agent step 300"));
+    EXPECT_EQ(second.steps, 400);
+
+    for (const auto& checkpoint : list_checkpoints(folder.path()))
+        fs::resize_file(checkpoint / "games.safetensors", 20);
     try {
         train(second);
         FAIL() << "it was accepted";
     } catch (const ResumeError& error) {
-        EXPECT_THAT(error.what(), testing::HasSubstr(newest.string()));
+        EXPECT_THAT(error.what(), testing::HasSubstr("no checkpoint of " + folder.path().string()));
+        EXPECT_THAT(error.what(), testing::HasSubstr("games.safetensors"));
     }
+}
+
+TEST_F(TrainingEmulator, GamesThatCannotBeReplayedAreNoCrash) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto file = list_checkpoints(folder.path()).back() / "games.safetensors";
+    auto games = load_safetensors(file).tensors;
+    options.resume = true;
+    for (const auto* part : {"game.0.events", "frames", "episode_returns"}) {
+        auto without = games;
+        without.erase(part);
+        save_safetensors(file, without);
+        ScribeAgent second(1);
+        EXPECT_THAT([&] { train(second); }, testing::ThrowsMessage<ResumeError>(testing::HasSubstr(part)));
+    }
+    games["game.0.start"] = games["game.0.start"].slice(0, 0, 100).contiguous();
+    save_safetensors(file, games);
+    ScribeAgent second(1);
+    EXPECT_THAT([&] { train(second); }, testing::ThrowsMessage<ResumeError>(testing::HasSubstr("damaged")));
 }
 
 TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
