@@ -202,6 +202,10 @@ class Ppo final : public Agent {
         auto repeated_frame = repeated_frame_;
         if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
         restore(parts(), state);
+        if (learner_.gradient_steps > 0) {  // the learning rate is that of the newest gradient step again
+            --learner_.gradient_steps;
+            learner_.anneal(config_);
+        }
         rollout_ = std::move(rollout);
         repeated_frame_ = std::move(repeated_frame);
         newest_.clear();
