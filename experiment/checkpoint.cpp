@@ -65,7 +65,7 @@ Checkpoint load_checkpoint(const fs::path& folder, Agent& agent, bool load_repla
 
 fs::path save_checkpoint(const fs::path& run_dir, Agent& agent, const TensorMap& games, const RunState& state,
                          bool save_replay, std::int64_t keep) {
-    const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", state.step);
+    fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", state.step);
     const fs::path partial = folder.string() + ".partial";
     fs::remove_all(partial);
     fs::create_directories(partial);

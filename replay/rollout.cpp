@@ -268,7 +268,6 @@ void Rollout::restore_by_dopamines_rule(const std::map<std::string, torch::Tenso
         return std::vector<FrameId>(whole.const_data_ptr<FrameId>(),
                                     whole.const_data_ptr<FrameId>() + whole.numel());
     };
-    elements_.reserve(static_cast<std::size_t>(count));
     for (std::int64_t i = 0; i < count; ++i) {
         elements_.push_back({ids(element_frames[i][0]), ids(element_frames[i][1]),
                              element_values[i][0].item<float>(), element_values[i][1].item<float>()});
@@ -282,6 +281,7 @@ void Rollout::restore_by_dopamines_rule(const std::map<std::string, torch::Tenso
 
 torch::Tensor Rollout::stacked(const std::vector<FrameId>& ids) const {
     std::vector<torch::Tensor> shown;
+    shown.reserve(ids.size());
     for (const auto id : ids) {
         shown.push_back(id == kBlankFrame ? torch::zeros_like(frames_.front())
                                           : frames_[static_cast<std::size_t>(id)]);
