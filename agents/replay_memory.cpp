@@ -9,6 +9,8 @@
 
 #include <torch/torch.h>
 
+#include "replay/rewards.h"
+
 namespace cale {
 namespace {
 
@@ -66,13 +68,10 @@ void ReplayMemory::store(const Experiences& seen) {
                                     std::to_string(count) + " environments, not of " +
                                     std::to_string(seen.results.size()));
     }
+    require_finite_rewards(seen.results);
     const auto limit = static_cast<float>(settings_.reward_clip.value_or(INFINITY));
     for (std::size_t env = 0; env < count; ++env) {
         const auto& result = seen.results[env];
-        if (!std::isfinite(result.reward)) {
-            throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
-                                        std::to_string(result.reward));
-        }
         // Frames that are not there are left for the replay to refuse.
         const auto frame_of = [&](std::span<const std::uint8_t> frames) {
             return frames.size() == count * frame_size ? frames.subspan(env * frame_size, frame_size)

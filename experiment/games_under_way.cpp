@@ -15,8 +15,6 @@
 namespace cale {
 namespace {
 
-constexpr std::size_t kStack = 4;
-
 std::vector<std::uint32_t> seeds(const EnvConfig& config, std::uint64_t seed) {
     std::vector<std::uint32_t> result;
     for (std::int64_t i = 0; i < config.num_envs; ++i) result.push_back(derive_seed(seed, "environment", i));

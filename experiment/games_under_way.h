@@ -1,6 +1,7 @@
 // N games of a training run: what the agent sees of them, how they have gone, and how to go on with them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -16,6 +17,8 @@ namespace cale {
 
 class GamesUnderWay {
   public:
+    static constexpr std::size_t kStack = 4;  // frames of an observation
+
     /// Starts a game in every environment. `seed`: the run's. Throws as VectorEnv does.
     GamesUnderWay(const EnvConfig& config, std::uint64_t seed);
 

@@ -27,7 +27,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::size_t kStack = 4;
 constexpr std::size_t kRecentEpisodes = 100;
 
 volatile std::sig_atomic_t stop_requested = 0;
@@ -302,7 +301,7 @@ class Run {
         if (eval_.video) fs::create_directories(video.parent_path());
         const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
         const auto seed = derive_seed(static_cast<std::uint64_t>(config_.seed), "evaluation at", state_.step);
-        const Evaluation result = evaluate(agent_, env_config_, eval_, seed, kStack, video);
+        const Evaluation result = evaluate(agent_, env_config_, eval_, seed, GamesUnderWay::kStack, video);
         write_evaluation(csv, result);
         if (events_) events_->write(state_.step, {{"eval/episodic_return", result.mean_return}});
         console_.message(

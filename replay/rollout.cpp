@@ -9,6 +9,8 @@
 
 #include <torch/torch.h>
 
+#include "replay/rewards.h"
+
 namespace cale {
 
 namespace {
@@ -78,12 +80,7 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
                                     " environments, not of " + std::to_string(results.size()));
     }
     require_shape("actions", actions, action.sizes().slice(1));
-    for (std::size_t env = 0; env < count; ++env) {
-        if (!std::isfinite(results[env].reward)) {
-            throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
-                                        std::to_string(results[env].reward));
-        }
-    }
+    require_finite_rewards(results);
     const auto frame_size = static_cast<std::size_t>(config.frame_height * config.frame_width);
     const bool cut_off = std::any_of(results.begin(), results.end(), [](const StepResult& result) {
         return result.truncated && !result.terminal;

@@ -9,13 +9,10 @@
 
 #include "agent_worlds.h"
 #include "agents/random.h"
+#include "expect_refused.h"
 
 namespace cale {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
-using testing::ThrowsMessage;
 
 constexpr auto kDouble = torch::kFloat64;
 
@@ -213,13 +210,7 @@ TEST(DerLosses, WithoutADistributionTheyAreThoseOfDqn) {
 }
 
 TEST(DerLosses, ShapesThatWouldBroadcastAreRefused) {
-    const auto expect_refused = [](const std::string& what, const std::string& expected,
-                                   const std::string& given, auto&& change) {
-        Problem p;
-        change(p);
-        EXPECT_THAT([&] { p.losses(); }, ThrowsMessage<std::invalid_argument>(
-                                             AllOf(HasSubstr(what), HasSubstr(expected), HasSubstr(given))));
-    };
+    const ExpectRefused expect_refused{[] { return Problem(); }};
     expect_refused("the action", "[2]", "[1]",
                    [](Problem& p) { p.batch.action = p.batch.action.slice(0, 0, 1); });
     expect_refused("n-step return", "[2]", "[2, 1]",

@@ -12,6 +12,7 @@
 
 #include "agent_worlds.h"
 #include "agents/random.h"
+#include "expect_refused.h"
 
 namespace cale {
 namespace {
@@ -173,13 +174,7 @@ TEST(PpoLosses, AreCombinedByTheirCoefficients) {
 }
 
 TEST(PpoLosses, ShapesThatWouldBroadcastAreRefused) {
-    const auto expect_refused = [](const std::string& what, const std::string& expected,
-                                   const std::string& given, auto&& change) {
-        Problem p({1, 1}, {1, -1});
-        change(p);
-        EXPECT_THAT([&] { p.losses(); }, ThrowsMessage<std::invalid_argument>(
-                                             AllOf(HasSubstr(what), HasSubstr(expected), HasSubstr(given))));
-    };
+    const ExpectRefused expect_refused{[] { return Problem({1, 1}, {1, -1}); }};
     expect_refused("old log-probability", "[2]", "[2, 1]",
                    [](Problem& p) { p.minibatch.old_log_prob = p.minibatch.old_log_prob.unsqueeze(1); });
     expect_refused("old value", "[2]", "[1]",

@@ -10,11 +10,11 @@
 
 #include "agent_worlds.h"
 #include "agents/random.h"
+#include "expect_refused.h"
 
 namespace cale {
 namespace {
 
-using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -113,13 +113,7 @@ TEST(SacUpdate, TheLossesKeepNoGraph) {
 }
 
 TEST(SacLosses, ShapesThatWouldBroadcastAreRefused) {
-    const auto expect_refused = [](const std::string& what, const std::string& expected,
-                                   const std::string& given, auto&& change) {
-        Problem p;
-        change(p);
-        EXPECT_THAT([&] { p.losses(); }, ThrowsMessage<std::invalid_argument>(
-                                             AllOf(HasSubstr(what), HasSubstr(expected), HasSubstr(given))));
-    };
+    const ExpectRefused expect_refused{[] { return Problem(); }};
     expect_refused("n-step return", "[5]", "[5, 1]",
                    [](Problem& p) { p.batch.n_step_return = p.batch.n_step_return.unsqueeze(1); });
     expect_refused("discount", "[5]", "[]", [](Problem& p) { p.batch.discount = torch::tensor(0.9); });

@@ -1,0 +1,18 @@
+#include "replay/rewards.h"
+
+#include <cmath>
+#include <cstddef>
+#include <stdexcept>
+#include <string>
+
+namespace cale {
+
+void require_finite_rewards(std::span<const StepResult> results) {
+    for (std::size_t env = 0; env < results.size(); ++env) {
+        if (std::isfinite(results[env].reward)) continue;
+        throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
+                                    std::to_string(results[env].reward));
+    }
+}
+
+}  // namespace cale
