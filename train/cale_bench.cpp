@@ -1,0 +1,19 @@
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "experiment/time_report.h"
+#include "train/commands.h"
+
+namespace cale {
+
+void add_bench(CLI::App& app) {
+    auto& command = *app.add_subcommand("bench",
+                                        "Says where the time of a run went: environment, replay, "
+                                        "transfer to the device, choosing actions, updates, logs.");
+    const auto run_dir = std::make_shared<std::string>();
+    command.add_option("RUN", *run_dir, "the folder of a run, finished or under way")->required();
+    command.callback([run_dir] { std::fputs(time_report(*run_dir).c_str(), stdout); });
+}
+
+}  // namespace cale
