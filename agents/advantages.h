@@ -7,7 +7,7 @@ namespace cale {
 
 /// Advantages and returns, both of the rewards' shape.
 struct Advantages {
-    torch::Tensor advantage, returns;
+    torch::Tensor advantage, returns;  // returns: advantage + value
 };
 
 /// Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized Advantage Estimation" (GAE),

@@ -81,7 +81,7 @@ torch::Tensor importance_weights(const torch::Tensor& probability, double expone
 
 /// The draws of one update: one for the loss, one that both networks share at the next state.
 struct DerNoise {
-    QNoise online, target;
+    QNoise online, target;  // for the loss; at the next state
 };
 
 /// The first carries a gradient.

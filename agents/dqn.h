@@ -22,6 +22,7 @@
 
 namespace cale {
 
+/// Of an error e: e^2, or linear beyond 1.
 enum class ValueLoss { mse, huber };
 std::span<const std::string_view> names_of(ValueLoss);
 

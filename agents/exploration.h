@@ -13,6 +13,7 @@
 
 namespace cale {
 
+/// By the policy's own noise, or by uniform actions with probability epsilon.
 enum class Exploration { standard, epsilon_greedy };
 std::span<const std::string_view> names_of(Exploration);
 

@@ -10,15 +10,18 @@
 
 namespace cale {
 
+/// Settings of an encoder and of the heads on it.
 struct NetworkSettings {
     EncoderKind encoder = EncoderKind::phi_sac;
     PhiDqn phi_dqn = PhiDqn::conv2d;
     std::int64_t hidden_layers = 1;
     std::int64_t hidden_units = 512;
 
+    /// The encoder for this world.
     EncoderConfig encoder_for(const AgentSpec& spec) const {
         return {encoder, phi_dqn, spec.stack, spec.frame_height, spec.frame_width};
     }
+    /// The actor and every critic.
     HeadConfig head() const { return {hidden_layers, hidden_units}; }
 };
 

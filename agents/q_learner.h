@@ -10,16 +10,20 @@
 
 namespace cale {
 
+/// The target follows only when it is told to.
 struct QLearner {
+    /// Takes the networks as they are.
     QLearner(QNetwork network, QNetwork target, const AdamConfig& adam_config);
 
     /// One step along the gradient of `loss` [].
     void step(const torch::Tensor& loss);
+    /// target = network.
     void copy_to_target();
+    /// Adds network/, target/ and adam/.
     void add_state(StateParts& parts);
 
-    QNetwork network, target;
-    Adam adam;
+    QNetwork network, target;  // the one that acts, and the one that values what follows
+    Adam adam;                 // the network's optimiser
 };
 
 /// On the spec's device; the target starts equal to the network.

@@ -18,11 +18,13 @@ at::Generator make_generator(std::uint64_t seed, c10::Device device = c10::Devic
 
 /// A generator's state as uint8 [bytes].
 torch::Tensor random_state(const at::Generator& generator);
+/// See above.
 torch::Tensor random_state(const std::mt19937_64& engine);
 
 /// The generators that such states are of, the first on `device`. Both throw std::runtime_error for other
 /// bytes.
 at::Generator restored_generator(const torch::Tensor& state, c10::Device device = c10::DeviceType::CPU);
+/// See restored_generator().
 std::mt19937_64 restored_engine(const torch::Tensor& state);
 
 }  // namespace cale

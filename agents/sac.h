@@ -23,6 +23,7 @@
 
 namespace cale {
 
+/// Whose action the critics' target values: see SacConfig::critic_target.
 enum class CriticTarget { target_mean_action, sampled_action };
 std::span<const std::string_view> names_of(CriticTarget);
 
@@ -82,6 +83,7 @@ struct SacLosses {
 SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torch::Tensor& log_alpha,
                      const Batch& batch, const SacNoise& noise, const SacConfig& config);
 
+/// What SAC updates.
 using SacLearner = SoftLearner<SacNetwork>;
 
 /// One gradient step on every loss, then the target follows. Returns the losses before the

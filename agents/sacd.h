@@ -22,6 +22,7 @@
 
 namespace cale {
 
+/// See SacdConfig::next_policy.
 enum class NextPolicy { online, target };
 std::span<const std::string_view> names_of(NextPolicy);
 
@@ -74,6 +75,7 @@ struct SacdLosses {
 SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
                        const Batch& batch, double target_entropy, const SacdConfig& config);
 
+/// What SAC-D updates.
 using SacdLearner = SoftLearner<SacdNetwork>;
 
 /// One gradient step on every loss, then the target follows. Returns the losses before the

@@ -12,6 +12,7 @@
 
 namespace cale {
 
+/// `Network`: SacNetwork or SacdNetwork.
 template <class Network>
 struct SoftLearner {
     /// `log_alpha` [1] requires a gradient. The target starts as it is given.
@@ -40,6 +41,7 @@ struct SoftLearner {
         soft_update(target_parameters, parameters, tau);
     }
 
+    /// Adds network/, target/, adam/, alpha_adam/ and log_alpha.
     void add_state(StateParts& parts) {
         parts.add("network/", *network);
         parts.add("target/", *target);
@@ -48,10 +50,11 @@ struct SoftLearner {
         parts.tensors["log_alpha"] = log_alpha.detach();
     }
 
-    Network network, target;
-    torch::Tensor log_alpha;
-    std::vector<torch::Tensor> parameters, target_parameters, actor, critic;
-    Adam adam, alpha_adam;
+    Network network, target;  // the one that acts, and the one that values what follows
+    torch::Tensor log_alpha;  // [1] of the temperature
+    std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
+    std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them
+    Adam adam, alpha_adam;                                     // of the network, of log_alpha
 };
 
 }  // namespace cale

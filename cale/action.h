@@ -30,13 +30,18 @@ enum class Event : std::uint8_t {
     down_right_fire,
     down_left_fire,
 };
+/// How many events there are.
 inline constexpr int kEventCount = 18;
 /// "NOOP", "FIRE", ... as ALE spells them.
 std::string_view event_name(Event event);
 
+/// Which event an action stands for.
+///   symmetric  the paper's nine zones, as ALE has them from 0.12 on
+///   ale_0_10   the map of ALE 0.10 and 0.11, which has no centre
 enum class EventMap { symmetric, ale_0_10 };
 std::span<const std::string_view> names_of(EventMap);
 
+/// What the joystick is asked to do.
 struct ContinuousAction {
     float radius = 0;  // [0, 1]
     float theta = 0;   // [-pi, pi], counter-clockwise, 0 points right

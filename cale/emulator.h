@@ -40,16 +40,16 @@ class Emulator {
     /// Throws std::runtime_error, and leaves the emulator unusable, for bytes that are no such state.
     void restore(const std::string& state);
 
-    bool game_over() const;
-    int lives() const;
+    bool game_over() const;  // until reset()
+    int lives() const;       // 0 in games that have none
     /// Frames acted since the ROM was loaded, and since the game began. Of the frames that a
     /// reset takes, only those count in which a few games' menus are worked.
     std::int64_t frame_number() const;
-    std::int64_t episode_frame_number() const;
+    std::int64_t episode_frame_number() const;  // likewise, since the game began
     std::span<const std::uint8_t> ram() const;  // the console's 128 bytes
 
-    int screen_height() const;
-    int screen_width() const;
+    int screen_height() const;  // rows: 210 in nearly all games
+    int screen_width() const;   // columns: 160
     /// The current screen, row by row, as indices into the palette.
     std::span<const std::uint8_t> screen() const;
     /// The luminance of each index; index 0 is black.
@@ -59,7 +59,7 @@ class Emulator {
 
     /// The events that make a difference in this game, and all that it accepts.
     std::span<const Event> minimal_actions() const;
-    std::span<const Event> legal_actions() const;
+    std::span<const Event> legal_actions() const;  // all eighteen
 
   private:
     struct Impl;

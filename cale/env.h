@@ -18,11 +18,15 @@
 
 namespace cale {
 
+/// What step() takes: the joystick (r, theta, fire), or an index into the game's minimal or the full set of
+/// events.
 enum class ActionSpace { continuous, minimal, full };
+/// How far a paddle moves: as the paper has it, always all the way; or scaled by r, as ale-py does.
 enum class PaddleStrength { one, radius };
 std::span<const std::string_view> names_of(ActionSpace);
 std::span<const std::string_view> names_of(PaddleStrength);
 
+/// The game and the rules that it is played by. protocol_200m() and protocol_atari100k() fill it in.
 struct EnvConfig {
     std::string game = "pong";
     std::string rom_dir;  // empty: see find_rom
@@ -80,8 +84,8 @@ struct StepResult {
     bool truncated = false;     // cut off by max_frames_per_episode, the game not being over
     bool episode_over = false;  // the game must be reset: game over or truncated
     Event event = Event::noop;  // what the joystick was asked to do
-    int lives = 0;
-    int frames = 0;  // emulated frames, 1 to frame_skip
+    int lives = 0;              // left after the step
+    int frames = 0;             // emulated frames, 1 to frame_skip
 };
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the first that has it of the folder
@@ -97,6 +101,9 @@ struct GameRecord {
     std::vector<float> strengths;  // with which strength of the paddle
 };
 
+/// One game. Different environments may be used on different threads at the same time; one of them by one
+/// thread at a time. After its construction a step allocates no memory (a game of more than 27,000 steps
+/// apart); reset() does.
 class Env {
   public:
     /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
@@ -128,13 +135,13 @@ class Env {
 
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;
-    int lives() const;
-    std::int64_t frame_number() const;  // frames acted since the ROM was loaded
-    std::span<const std::uint8_t> ram() const;
+    int lives() const;                          // left in the game; 0 in games that have none
+    std::int64_t frame_number() const;          // frames acted since the ROM was loaded
+    std::span<const std::uint8_t> ram() const;  // the console's 128 bytes, as long as this object
     /// The game's screen in colour, rows x columns x RGB, for videos.
     void screen_rgb(std::vector<std::uint8_t>& pixels) const;
-    int screen_height() const;
-    int screen_width() const;
+    int screen_height() const;  // rows: 210 in nearly all games
+    int screen_width() const;   // columns: 160
 
   private:
     struct Impl;

@@ -21,8 +21,8 @@ namespace cale {
 
 /// The closed interval that a number must lie in.
 struct Range {
-    double low = -std::numeric_limits<double>::infinity();
-    double high = std::numeric_limits<double>::infinity();
+    double low = -std::numeric_limits<double>::infinity();  // smallest value that is allowed
+    double high = std::numeric_limits<double>::infinity();  // largest
 };
 
 }  // namespace cale

@@ -10,16 +10,16 @@
 
 namespace cale {
 
-inline constexpr int kFrameHeight = 84;
-inline constexpr int kFrameWidth = 84;
-inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;
+inline constexpr int kFrameHeight = 84;  // rows of what an agent sees
+inline constexpr int kFrameWidth = 84;   // columns
+inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;  // bytes
 /// Every Atari 2600 screen has 160 columns; the number of rows depends on the game.
 inline constexpr int kScreenWidth = 160;
 
 /// One output pixel of an area resize along one axis: the sum of weights[i] * source[first + i].
 struct AreaCell {
-    int first = 0;
-    std::vector<float> weights;
+    int first = 0;               // source pixel
+    std::vector<float> weights;  // of that one and those after it; their sum is 1
 };
 
 /// The cells that shrink `source` pixels to `target`, as cv::resize with INTER_AREA has them.
@@ -37,6 +37,7 @@ class FramePipeline {
     void start(std::span<const std::uint8_t> screen);
     /// The last screen but one of a step, and the last.
     void set_first(std::span<const std::uint8_t> screen) { set(0, screen); }
+    /// The last screen of a step, where it shows more than one.
     void set_second(std::span<const std::uint8_t> screen) { set(1, screen); }
 
     /// Writes the brighter of the two screens, pixel by pixel, shrunk to kFrameSize bytes.
@@ -75,6 +76,7 @@ class FramePipeline {
 /// All zero until frames are pushed, as at the start of every episode.
 class FrameStack {
   public:
+    /// For `num_envs` environments, `depth` frames of `frame_size` bytes each.
     FrameStack(std::size_t num_envs, std::size_t depth, std::size_t frame_size = kFrameSize);
 
     /// Drops the oldest frame of an environment and appends `frame`.

@@ -1,4 +1,10 @@
 // N environments stepped together on threads of their own.
+//
+//     cale::EnvConfig config = cale::protocol_200m("pong");
+//     config.num_envs = 8;
+//     cale::VectorEnv envs(config, seeds);              // 8 seeds
+//     envs.reset(frames);                               // 8 x kFrameSize bytes
+//     envs.step(actions, frames, final_frames, results);
 #pragma once
 
 #include <cstdint>
@@ -13,9 +19,13 @@ namespace cale {
 /// Environments are dealt to threads once and stay there. Results come in the order
 /// of the environments and do not depend on the number of threads. An environment
 /// whose episode ended is reset within the same step.
+///
+/// All memory is the caller's, who may use the same in every step, and no step allocates any but those in
+/// which an episode ends. One thread at a time may call an object.
 class VectorEnv {
   public:
-    /// One seed per environment: config.num_envs of them.
+    /// One seed per environment: config.num_envs of them. Throws as Env does, and std::invalid_argument for
+    /// another number of seeds.
     VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds);
     ~VectorEnv();
     VectorEnv(VectorEnv&&) noexcept;
@@ -24,11 +34,12 @@ class VectorEnv {
     /// How many threads step the environments of such a configuration; with one it is the caller's.
     static std::int64_t threads(const EnvConfig& config);
 
-    std::int64_t size() const;
+    std::int64_t size() const;  // how many environments
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;
 
-    /// Starts a new game everywhere. `frames`: size() x kFrameSize bytes.
+    /// Starts a new game everywhere. `frames`: size() x kFrameSize bytes, where the first observations are
+    /// written. Throws std::invalid_argument for another size.
     void reset(std::span<std::uint8_t> frames);
 
     /// One agent step of every environment, written straight into the caller's memory.
@@ -42,12 +53,14 @@ class VectorEnv {
     /// environments have finished the step; nothing hangs.
     void step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
+    /// The same with indices into actions(). Throws std::out_of_range.
     void step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
 
     /// Env::record() and Env::resume() of all; not while a step is under way. Throws as they do, and
     /// std::invalid_argument for another number of records.
     std::vector<GameRecord> records() const;
+    /// Env::resume() of each; see records().
     void resume(std::span<const GameRecord> records);
 
     /// For videos and tests; not while a step is under way.

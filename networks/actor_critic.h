@@ -25,10 +25,10 @@ class SacNetworkImpl : public torch::nn::Module {
     /// Q1 and Q2 [B] of the critic's branch [B, Z] and an action [B, 3] in the box's own units.
     TwinValues values(const torch::Tensor& critic_z, const torch::Tensor& action);
 
-    TwoBranchEncoder encoder{nullptr};
-    Mlp actor{nullptr};
-    TwinCritic critic{nullptr};
-    ActionBox box;  // beside the parameters, as buffers
+    TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
+    Mlp actor{nullptr};                 // actor.*: means and log standard deviations [B, 6]
+    TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
+    ActionBox box;                      // beside the parameters, as buffers
 };
 using SacNetwork = torch::nn::ModuleHolder<SacNetworkImpl>;
 
@@ -41,15 +41,16 @@ class SacdNetworkImpl : public torch::nn::Module {
     /// log pi(. | s) [B, A] on the encoder's features [B, F]; its gradient does not reach the trunk.
     torch::Tensor log_policy(const torch::Tensor& features);
 
-    TwoBranchEncoder encoder{nullptr};
-    Mlp actor{nullptr};
-    TwinCritic critic{nullptr};
+    TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
+    Mlp actor{nullptr};                 // actor.*: logits [B, A]
+    TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
 };
 using SacdNetwork = torch::nn::ModuleHolder<SacdNetworkImpl>;
 
 /// The parameters that an actor's loss trains, actor.* and encoder.actor_*, and those that the
 /// critics' loss trains: the rest.
 std::vector<torch::Tensor> actor_parameters(const torch::nn::Module& network);
+/// See actor_parameters().
 std::vector<torch::Tensor> critic_parameters(const torch::nn::Module& network);
 
 }  // namespace cale

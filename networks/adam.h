@@ -11,11 +11,12 @@
 
 namespace cale {
 
+/// The defaults are those of CALE's agents.
 struct AdamConfig {
-    double learning_rate = 6.25e-5;
-    double beta1 = 0.9;
-    double beta2 = 0.999;
-    double epsilon = 1.5e-4;
+    double learning_rate = 6.25e-5;  // the step size
+    double beta1 = 0.9;              // decay of the first moment, per step
+    double beta2 = 0.999;            // decay of the second
+    double epsilon = 1.5e-4;         // outside the root
 };
 
 /// Kingma & Ba 2015, bias-corrected, epsilon outside the root:
@@ -34,7 +35,7 @@ class Adam {
     /// "first_moment.0", ..., "second_moment.0", ..., "steps".
     std::map<std::string, torch::Tensor> state() const;
 
-    double learning_rate() const { return config_.learning_rate; }
+    double learning_rate() const { return config_.learning_rate; }  // of the next step()
     /// Takes effect on a recorded step() too (see CapturedUpdate).
     void set_learning_rate(double learning_rate);
 

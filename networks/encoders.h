@@ -20,6 +20,7 @@
 
 namespace cale {
 
+/// The three encoders of the paper: see Trunk.
 enum class EncoderKind { phi_sac, phi_dqn, impala };
 /// conv2d: the convolutions as Mnih et al. meant them. row1d: as Dopamine's CALE agents run
 /// them, where each row of the image is convolved by itself.
@@ -27,14 +28,15 @@ enum class PhiDqn { conv2d, row1d };
 std::span<const std::string_view> names_of(EncoderKind);
 std::span<const std::string_view> names_of(PhiDqn);
 
+/// What an encoder is built from.
 struct EncoderConfig {
-    EncoderKind encoder = EncoderKind::phi_sac;
-    PhiDqn phi_dqn = PhiDqn::conv2d;
-    std::int64_t stack = 4;
-    std::int64_t frame_height = 84;
-    std::int64_t frame_width = 84;
-    Padding padding = Padding::same;   // impala always pads
-    Initialiser initialise = nullptr;  // none: the encoder's own
+    EncoderKind encoder = EncoderKind::phi_sac;  // which convolutions
+    PhiDqn phi_dqn = PhiDqn::conv2d;             // which phi_dqn, where it is that
+    std::int64_t stack = 4;                      // frames of an observation
+    std::int64_t frame_height = 84;              // rows
+    std::int64_t frame_width = 84;               // columns
+    Padding padding = Padding::same;             // impala always pads
+    Initialiser initialise = nullptr;            // none: the encoder's own
 };
 
 /// The convolutions of an encoder: [B, stack, H, W] uint8 -> [B, features()], flattened in
@@ -53,7 +55,7 @@ class Trunk {
     /// Throws std::invalid_argument, naming both shapes, for anything but [B, stack, H, W] uint8.
     torch::Tensor operator()(const torch::Tensor& observation) const;
 
-    std::int64_t features() const { return features_; }
+    std::int64_t features() const { return features_; }  // numbers per observation
 
   private:
     torch::Tensor stacked_convolutions(torch::Tensor x) const;
@@ -71,7 +73,7 @@ class ConvEncoderImpl : public torch::nn::Module {
         : trunk_(*this, config, std::move(generator)) {}
     /// [B, stack, H, W] uint8 -> [B, size()]
     torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
-    std::int64_t size() const { return trunk_.features(); }
+    std::int64_t size() const { return trunk_.features(); }  // numbers per observation
 
   private:
     Trunk trunk_;

@@ -15,12 +15,14 @@
 
 namespace cale {
 
+/// What follows a hidden layer.
 enum class Activation { relu, tanh };
 
+/// A multilayer perceptron but for its inputs and outputs.
 struct HeadConfig {
-    std::int64_t hidden_layers = 1;
-    std::int64_t hidden_units = 512;
-    Activation activation = Activation::relu;
+    std::int64_t hidden_layers = 1;                 // 0: the output layer alone
+    std::int64_t hidden_units = 512;                // of each hidden layer
+    Activation activation = Activation::relu;       // of the hidden layers
     Initialiser initialise = glorot_uniform();      // of the hidden layers
     Initialiser initialise_out = glorot_uniform();  // of the last one
 };
@@ -44,7 +46,8 @@ torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& action
 
 /// Two estimates of the same action values, of one shape.
 struct TwinValues {
-    torch::Tensor q1, q2;
+    torch::Tensor q1, q2;  // the two critics'
+    /// The smaller of the two, element by element.
     torch::Tensor minimum() const { return torch::minimum(q1, q2); }
 };
 
@@ -62,8 +65,8 @@ using TwinCritic = torch::nn::ModuleHolder<TwinCriticImpl>;
 
 /// A box of actions, as its centre and half its width: [A] each, on the policy's device.
 struct ActionBox {
-    torch::Tensor centre, half_width;
-    double log_half_widths = 0;  // sum over coordinates
+    torch::Tensor centre, half_width;  // [A] each
+    double log_half_widths = 0;        // sum over coordinates
 };
 
 /// CALE's joystick (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1], float32 on the CPU.
@@ -72,7 +75,7 @@ ActionBox joystick_box();
 /// The action centre + half_width * tanh(u), where u is normal with this mean and
 /// exp(log_std), which is neither clamped nor squashed: [B, A] each.
 struct SquashedGaussian {
-    torch::Tensor mean, log_std;
+    torch::Tensor mean, log_std;  // before the tanh
 };
 
 /// Splits an actor's output [B, 2 A] into means and log standard deviations.
@@ -104,7 +107,7 @@ using GaussianActor = torch::nn::ModuleHolder<GaussianActorImpl>;
 
 /// A sampled action [B, A] and its log-density [B] in the units of the box.
 struct PolicySample {
-    torch::Tensor action, log_prob;
+    torch::Tensor action, log_prob;  // [B, A] and [B]
 };
 
 /// Reparameterised with standard normal `noise` [B, A]. The density is computed from the

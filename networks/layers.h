@@ -28,14 +28,14 @@ class DenseImpl : public torch::nn::Module {
     /// [B, in] -> [B, out]
     torch::Tensor forward(const torch::Tensor& x) const;
 
-    torch::Tensor weight, bias;
+    torch::Tensor weight, bias;  // [out, in] and [out]
 };
 using Dense = torch::nn::ModuleHolder<DenseImpl>;
 
 /// The standard normal numbers of one pass through a noisy layer, drawn per feature and not per
 /// weight: input [in], output [out]. One draw serves the whole batch.
 struct FactorisedNoise {
-    torch::Tensor input, output;
+    torch::Tensor input, output;  // [in] and [out]
 };
 
 /// A dense layer whose weights are noisy (Fortunato et al. 2018, "Noisy Networks for Exploration",
@@ -47,7 +47,8 @@ class NoisyDenseImpl : public torch::nn::Module {
     /// [B, in] -> [B, out]; without noise the weights are mu.
     torch::Tensor forward(const torch::Tensor& x, const FactorisedNoise* noise = nullptr) const;
 
-    torch::Tensor weight_mu, weight_sigma, bias_mu, bias_sigma;
+    torch::Tensor weight_mu, weight_sigma;  // [out, in]
+    torch::Tensor bias_mu, bias_sigma;      // [out]
 };
 using NoisyDense = torch::nn::ModuleHolder<NoisyDenseImpl>;
 
@@ -73,7 +74,7 @@ class ConvImpl : public torch::nn::Module {
     /// that "SAME" padding puts on an axis of one pixel is used.
     torch::Tensor forward_rows(const torch::Tensor& x) const;
 
-    torch::Tensor weight, bias;
+    torch::Tensor weight, bias;  // [out, in, kernel, kernel] and [out]
 
   private:
     std::int64_t kernel_, stride_;

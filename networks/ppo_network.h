@@ -21,18 +21,19 @@ namespace cale {
 enum class Torso { two_branch, shared };
 std::span<const std::string_view> names_of(Torso);
 
+/// The defaults are those of CALE's PPO.
 struct PpoNetworkConfig {
-    EncoderConfig encoder;
-    Torso torso = Torso::two_branch;
-    std::int64_t hidden_layers = 2;  // of the actor and of the critic, tanh
-    std::int64_t hidden_units = 64;
-    LogStd log_std = LogStd::summed;
+    EncoderConfig encoder;            // its convolutions
+    Torso torso = Torso::two_branch;  // what the actor and the critic share
+    std::int64_t hidden_layers = 2;   // of the actor and of the critic, tanh
+    std::int64_t hidden_units = 64;   // of each hidden layer
+    LogStd log_std = LogStd::summed;  // how the standard deviation is parameterised
 };
 
 /// A policy in some states: a Gaussian on the joystick's box, or log-probabilities [B, A].
 struct PpoPolicy {
-    std::optional<SquashedGaussian> gaussian;
-    torch::Tensor log_pi;
+    std::optional<SquashedGaussian> gaussian;  // of the continuous joystick
+    torch::Tensor log_pi;                      // [B, A] of a set of actions
 };
 
 /// Parameters are float32 on the CPU until moved.
@@ -41,10 +42,12 @@ class PpoNetworkImpl : public torch::nn::Module {
     /// `num_actions` 0: the continuous joystick.
     PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions, at::Generator generator);
 
+    /// What the network says of B observations.
     struct Output {
-        PpoPolicy policy;
+        PpoPolicy policy;     // what to do
         torch::Tensor value;  // [B]
     };
+    /// [B, stack, H, W] uint8
     Output forward(const torch::Tensor& observation);
 
     ActionBox box;  // beside the parameters, as buffers

@@ -16,13 +16,14 @@
 
 namespace cale {
 
+/// A head for action values.
 struct QHeadConfig {
-    std::int64_t num_actions = 0;
-    std::int64_t hidden_units = 512;
-    std::int64_t num_atoms = 1;  // per action
-    bool dueling = false;
-    bool noisy = false;
-    double initial_sigma = 0.1;  // of noisy layers
+    std::int64_t num_actions = 0;     // at least 1
+    std::int64_t hidden_units = 512;  // of the hidden layer
+    std::int64_t num_atoms = 1;       // per action
+    bool dueling = false;             // a state's value and the advantages apart
+    bool noisy = false;               // noisy layers instead of dense ones
+    double initial_sigma = 0.1;       // of noisy layers
 };
 
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
@@ -65,10 +66,11 @@ class QNetworkImpl : public torch::nn::Module {
   public:
     QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
                  at::Generator generator);
+    /// [B, stack, H, W] uint8 -> [B, A, atoms]; without noise, noisy layers are their means.
     torch::Tensor forward(const torch::Tensor& observation, const QNoise* noise = nullptr);
 
-    ConvEncoder encoder{nullptr};
-    QHead head{nullptr};
+    ConvEncoder encoder{nullptr};  // parameters encoder.*
+    QHead head{nullptr};           // parameters head.*
 };
 using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
 

@@ -15,14 +15,15 @@
 
 namespace cale {
 
+/// The defaults are those of CALE's PPO.
 struct RolloutConfig {
-    std::int64_t length = 1024;  // steps of each environment
-    std::int64_t num_envs = 1;
-    std::int64_t stack = 4;
-    std::int64_t frame_height = 84;
-    std::int64_t frame_width = 84;
-    std::int64_t action_size = 3;  // continuous coordinates; 0: one discrete action
-    double reward_scale = 1;
+    std::int64_t length = 1024;                        // steps of each environment
+    std::int64_t num_envs = 1;                         // that step together
+    std::int64_t stack = 4;                            // frames of an observation
+    std::int64_t frame_height = 84;                    // rows
+    std::int64_t frame_width = 84;                     // columns
+    std::int64_t action_size = 3;                      // continuous coordinates; 0: one discrete action
+    double reward_scale = 1;                           // factor of the rewards
     std::optional<double> reward_clip = std::nullopt;  // before the scale
     /// corrected: every step once. dopamine: what the reference's PPO finds in its replay, which loses an
     /// episode's last reward and repeats the step before it; for one environment.
@@ -43,6 +44,7 @@ class Rollout {
     void add(const torch::Tensor& actions, std::span<const StepResult> results,
              std::span<const std::uint8_t> final_frames);
 
+    /// Whether every environment has made its steps.
     bool full() const { return steps == config.length; }
     /// Forgets everything, an unfinished episode included.
     void clear();
@@ -53,7 +55,7 @@ class Rollout {
     /// lacks a part or is of another configuration.
     void restore(const std::map<std::string, torch::Tensor>& state);
 
-    RolloutConfig config;
+    RolloutConfig config;       // as it was made with
     std::int64_t steps = 0;     // so far
     torch::Tensor observation;  // [T, N, stack, H, W] uint8
     torch::Tensor action;       // [T, N, action_size] float32, or [T, N] int64
@@ -65,10 +67,10 @@ class Rollout {
     /// Where an episode was cut off, and the observation [stack, H, W] that it was left with: what would have
     /// followed still counts.
     struct Truncation {
-        std::int64_t step, env;
-        torch::Tensor observation;
+        std::int64_t step, env;     // where
+        torch::Tensor observation;  // [stack, H, W] uint8
     };
-    std::vector<Truncation> truncations;
+    std::vector<Truncation> truncations;  // of this rollout
 
   private:
     /// A transition of the dopamine rule.
