@@ -33,14 +33,15 @@ namespace cale {
 /// Programs leave with exit code 2.
 class ConfigError : public std::runtime_error {
   public:
+    /// Takes what what() gives.
     explicit ConfigError(std::string_view sentence);
 };
 
 /// An enumeration member whose type has been forgotten: its value is an index into `names`.
 struct EnumMember {
-    std::span<const std::string_view> names;
-    std::function<std::size_t()> get;
-    std::function<void(std::size_t)> set;
+    std::span<const std::string_view> names;  // of the values, in order
+    std::function<std::size_t()> get;         // its value
+    std::function<void(std::size_t)> set;     // changes it
 };
 
 /// The struct member that an entry of the table reads and writes.
@@ -53,9 +54,9 @@ struct ConfigEntry {
     std::string type;          // "integer", "number", "number or none", "true/false", "text", "one of a, b"
     std::string default_text;  // the value when it was added to the table
     std::string range_text;    // "0 to 1", "at least 1"; empty where anything goes
-    std::string help;
-    Range range;
-    ConfigMember member;
+    std::string help;          // its sentence
+    Range range;               // of numbers
+    ConfigMember member;       // where it is stored
 
     /// Reads `text` into the member. Integers may be written 1000000, 1_000_000 or 1e6;
     /// true/false also yes/no and on/off; an absent number is none or null.
@@ -67,7 +68,7 @@ struct ConfigEntry {
 
 /// A key whose value in a file is not the table's.
 struct ConfigDifference {
-    std::string key;
+    std::string key;    // "env.threshold"
     std::string here;   // in the table
     std::string there;  // in the file
 };
@@ -84,6 +85,7 @@ class ConfigTable {
 
     /// The settings in order, each section's together.
     const std::vector<ConfigEntry>& entries() const { return entries_; }
+    /// Whether there is such a key.
     bool has(std::string_view key) const { return find(key) != nullptr; }
     /// Throws ConfigError with the nearest key where there is no such key.
     const ConfigEntry& at(std::string_view key) const;

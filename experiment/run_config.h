@@ -9,6 +9,7 @@
 
 namespace cale {
 
+/// Section train.
 struct TrainConfig {
     std::int64_t total_steps = 50'000'000;
     std::int64_t seed = 1;
@@ -33,6 +34,7 @@ void fields(TrainConfig& config, Visit&& visit) {
           "newest update; false: the paper's strict order");
 }
 
+/// Section eval.
 struct EvalConfig {
     std::int64_t every = 0;
     std::int64_t episodes = 10;
@@ -50,6 +52,7 @@ void fields(EvalConfig& config, Visit&& visit) {
     visit("video", config.video, "film the first game of an evaluation, up to five minutes of it");
 }
 
+/// Section log.
 struct LogConfig {
     std::int64_t every = 1'000;
     bool tensorboard = true;
@@ -64,11 +67,11 @@ void fields(LogConfig& config, Visit&& visit) {
 /// The whole configuration of a run of one algorithm.
 template <class AgentConfig>
 struct RunConfig {
-    EnvConfig env;
-    AgentConfig agent;
-    TrainConfig train;
-    EvalConfig eval;
-    LogConfig log;
+    EnvConfig env;      // section env
+    AgentConfig agent;  // section agent
+    TrainConfig train;  // section train
+    EvalConfig eval;    // section eval
+    LogConfig log;      // section log
 };
 
 }  // namespace cale
