@@ -1,0 +1,47 @@
+// As much of JSON (RFC 8259) as the headers of safetensors files need. A value stays the text it was: what is
+// read of a stranger's header is never more than twice its size.
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace cale {
+
+/// The parts, one behind the other.
+std::string joined(std::initializer_list<std::string_view> parts);
+
+/// A sentence about a file without its name.
+struct FileDamage : std::runtime_error {
+    explicit FileDamage(const std::string& sentence) : std::runtime_error(sentence) {}
+    explicit FileDamage(std::initializer_list<std::string_view> parts) : FileDamage(joined(parts)) {}
+};
+
+/// Throws FileDamage that calls the text "its header" for anything but one JSON value in UTF-8 without names
+/// that occur twice in an object, and for more than four levels of nesting.
+void check_json(std::string_view text);
+
+// The parts of a text that check_json() let pass.
+
+/// The members of an object in their order, name and value; none for another kind of value.
+std::optional<std::vector<std::pair<std::string, std::string_view>>> json_members(std::string_view value);
+/// The elements of an array.
+std::optional<std::vector<std::string_view>> json_elements(std::string_view value);
+/// What a string says.
+std::optional<std::string> json_text(std::string_view value);
+/// A number without sign, fraction and exponent that fits.
+std::optional<std::uint64_t> json_natural(std::string_view value);
+
+/// `text`, which must be UTF-8, as a JSON string.
+std::string to_json(std::string_view text);
+bool is_utf8(std::string_view text);
+
+/// A stranger's text for an error message: 'in quotes', control characters escaped, cut off where it is long.
+std::string in_quotes(std::string_view text);
+
+}  // namespace cale

@@ -1,0 +1,44 @@
+// The inner loops of a network for one observation, compiled once for every instruction set.
+#pragma once
+
+#include <cstddef>
+
+namespace cale::lite {
+
+enum class Store {
+    plain,
+    relu,
+    add
+};  // what happens to a sum: stored, stored unless negative, added to what is there
+
+/// A convolution. Images lie in memory row by row, the channels of a pixel side by side, and are surrounded
+/// by as many zeros as the kernel reaches beyond them: a row of the kernel covers kernel_width neighbouring
+/// floats. Weights are ordered [channels / block][kernel_rows][kernel_width][block].
+struct Convolution {
+    std::size_t kernel_rows = 0;
+    std::size_t kernel_width = 0;  // kernel columns x input channels
+    std::size_t input_row = 0;     // floats from one row of the input to the next
+    std::size_t row_stride = 0;    // floats between the inputs of neighbouring output rows
+    std::size_t pixel_stride = 0;  // floats between the inputs of neighbouring output pixels
+    std::size_t rows = 0, columns = 0, channels = 0;  // of the output
+    std::size_t output_row = 0;
+    std::size_t block = 0;  // channels that are computed together: one or two vectors
+    Store store = Store::plain;
+};
+
+struct Kernels {
+    const char* name;
+    std::size_t vector;  // floats that are computed in one instruction
+    void (*convolve)(const Convolution& shape, const float* input, const float* weights, const float* bias,
+                     float* output);
+    /// output = weights [outputs, inputs] x input + bias
+    void (*dense)(std::size_t outputs, std::size_t inputs, const float* input, const float* weights,
+                  const float* bias, float* output);
+};
+
+/// The fastest ones that this machine can run.
+const Kernels& kernels();
+
+extern const Kernels kPortableKernels, kAvx2Kernels, kAvx512Kernels;
+
+}  // namespace cale::lite

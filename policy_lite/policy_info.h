@@ -1,0 +1,75 @@
+// What a trained policy is, whoever evaluates it: cale::Policy with LibTorch, cale::lite::Policy without.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cale/action.h"
+
+namespace cale {
+
+/// All but the weights. The texts of docs/policy_file.md say how it is stored.
+struct PolicyInfo {
+    std::string game;          // "Breakout", as in "ALE/Breakout-v5"
+    std::string agent;         // the algorithm: "sac", "sacd", "ppo", "dqn", "der"
+    std::string encoder;       // "phi_sac", "phi_dqn" or "impala"
+    std::string action_space;  // "continuous", "minimal" or "full", as env.action_space
+
+    /// What action number i presses; empty: the continuous joystick.
+    std::vector<Event> actions;
+    /// How a continuous action becomes a joystick event (joystick_event).
+    double threshold = 0.5;
+    EventMap event_map = EventMap::symmetric;  // see EventMap
+    /// Whether r scales how far a paddle moves (env.paddle_strength: radius).
+    bool radius_is_strength = false;
+
+    /// An observation: the last `stack` frames, newest last, of frame_height x frame_width bytes.
+    std::int64_t stack = 4;
+    std::int64_t frame_height = 84;  // rows
+    std::int64_t frame_width = 84;   // columns
+    /// Emulated frames per decision.
+    std::int64_t frame_skip = 4;
+    /// The stack starts anew at a lost life (Atari 100k), not only with a game.
+    bool life_loss_ends_episode = false;
+
+    /// How the run's own evaluations act: by drawing from the policy, and by a uniformly random action with
+    /// probability `epsilon`.
+    bool evaluation_samples = false;
+    double epsilon = 0;  // 0 to 1
+
+    /// Where it comes from, name -> text: seed, agent_steps, frames, cale, ale, libtorch, config (the run's
+    /// whole configuration as YAML).
+    std::map<std::string, std::string> provenance;
+
+    /// Actions to choose from; 0: the continuous joystick.
+    std::int64_t num_actions() const { return static_cast<std::int64_t>(actions.size()); }
+    /// Bytes of an observation.
+    std::size_t observation_size() const {
+        return static_cast<std::size_t>(stack * frame_height * frame_width);
+    }
+};
+
+/// How an action is chosen.
+///   greedy        the mean action of a Gaussian, the likeliest or most valuable of a set
+///   sampled       drawn from the policy; action values (DQN, DER) are no distribution: greedy
+///   as_evaluated  as the run's own evaluations do it: see PolicyInfo::evaluation_samples and epsilon
+enum class Choice { greedy, sampled, as_evaluated };
+
+/// One decision, and the joystick event that it stands for.
+struct Decision {
+    ContinuousAction stick{};   // of the continuous joystick
+    std::int64_t action = -1;   // number among PolicyInfo::actions; -1: the continuous joystick
+    Event event = Event::noop;  // to press
+    float strength = 1;         // how far a paddle moves, 0 to 1
+};
+
+/// What these actions do to the joystick of the policy's game.
+Decision decision(const PolicyInfo& info, const ContinuousAction& stick);
+/// Throws std::out_of_range for a number that the policy has no action for.
+Decision decision(const PolicyInfo& info, std::int64_t action);
+
+}  // namespace cale
