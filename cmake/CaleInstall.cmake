@@ -1,29 +1,72 @@
-# cmake --install: headers, libraries, programs, and the package that find_package(cale) reads.
-include(GNUInstallDirs)
+# cmake --install: headers, libraries, programs; the package that find_package(cale) reads; pkg-config's files.
+# Each component can be installed alone: cmake --install build --component policy_lite.
 include(CMakePackageConfigHelpers)
-
-set(include_dir ${CMAKE_INSTALL_INCLUDEDIR}/cale-${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/cale)
+set(pkgconfig_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
-get_property(libraries GLOBAL PROPERTY CALE_LIBRARIES)
-get_property(header_folders GLOBAL PROPERTY CALE_HEADER_FOLDERS)
-install(TARGETS ${libraries} EXPORT cale_targets
-    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-foreach(folder ${header_folders})
-    install(DIRECTORY ${folder} DESTINATION ${include_dir} FILES_MATCHING PATTERN *.h)
-endforeach()
-get_property(programs GLOBAL PROPERTY CALE_PROGRAMS)
-if(programs)
-    install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endif()
-if(CALE_BUILD_TRAIN)
-    install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${CMAKE_INSTALL_DATADIR}/cale)
-endif()
-
-install(EXPORT cale_targets NAMESPACE cale:: DESTINATION ${package_dir})
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/caleConfig.cmake.in
     ${PROJECT_BINARY_DIR}/caleConfig.cmake INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/caleConfigVersion.cmake COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/caleConfig.cmake ${PROJECT_BINARY_DIR}/caleConfigVersion.cmake
-    ${PROJECT_SOURCE_DIR}/cmake/FindLibTorch.cmake ${PROJECT_SOURCE_DIR}/cmake/FindOpenCVModules.cmake
-    DESTINATION ${package_dir})
+
+foreach(component policy_lite env policy train)
+    get_property(libraries GLOBAL PROPERTY CALE_LIBRARIES_${component})
+    if(NOT libraries)
+        continue()
+    endif()
+    install(TARGETS ${libraries} EXPORT cale_${component}_targets
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component} NAMELINK_COMPONENT ${component}
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component})
+    install(EXPORT cale_${component}_targets NAMESPACE cale:: DESTINATION ${package_dir} COMPONENT ${component})
+    get_property(headers GLOBAL PROPERTY CALE_HEADERS_${component})
+    foreach(header ${headers})
+        cmake_path(GET header PARENT_PATH folder)
+        cmake_path(GET folder FILENAME folder)
+        install(FILES ${header} DESTINATION ${CALE_INCLUDE_DIR}/${folder} COMPONENT ${component})
+    endforeach()
+    # Whichever component comes first brings what all of them need.
+    install(FILES ${PROJECT_BINARY_DIR}/caleConfig.cmake ${PROJECT_BINARY_DIR}/caleConfigVersion.cmake
+        ${PROJECT_SOURCE_DIR}/cmake/FindLibTorch.cmake ${PROJECT_SOURCE_DIR}/cmake/FindOpenCVModules.cmake
+        DESTINATION ${package_dir} COMPONENT ${component})
+    install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright
+        COMPONENT ${component})
+endforeach()
+
+get_property(programs GLOBAL PROPERTY CALE_PROGRAMS)
+if(programs)
+    set_target_properties(${programs} PROPERTIES
+        INSTALL_RPATH $ORIGIN/../${CMAKE_INSTALL_LIBDIR} INSTALL_RPATH_USE_LINK_PATH ON)
+    install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT train)
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs ${PROJECT_SOURCE_DIR}/sweeps ${PROJECT_SOURCE_DIR}/data DESTINATION ${CMAKE_INSTALL_DATADIR}/cale COMPONENT train)
+endif()
+
+# cale-NAME.pc: what a program without CMake says to the compiler and to the linker. VARIABLE names a dependency's
+# place, so that pkg-config --define-variable can name another.
+function(cale_pkg_config library component description)
+    cmake_parse_arguments(PARSE_ARGV 3 arg "" "VARIABLE;CFLAGS;LIBS" "")
+    string(REPLACE _ - name cale-${library})
+    configure_file(${PROJECT_SOURCE_DIR}/cmake/cale.pc.in ${PROJECT_BINARY_DIR}/${name}.pc @ONLY)
+    install(FILES ${PROJECT_BINARY_DIR}/${name}.pc DESTINATION ${pkgconfig_dir} COMPONENT ${component})
+endfunction()
+cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY ${CMAKE_INSTALL_PREFIX}/${pkgconfig_dir}
+    OUTPUT_VARIABLE prefix_from_pkgconfig)
+
+cale_pkg_config(policy_lite policy_lite "Trained policies without LibTorch (MIT)" LIBS "-lcale_policy_lite -lcale_frames")
+cale_pkg_config(policy_c policy_lite "Trained policies for C and whatever can call C (MIT)"
+    CFLAGS "-I\${prefix}/${CALE_INCLUDE_DIR}/policy_lite" LIBS -lcale_policy_c)
+if(TARGET cale_env AND BUILD_SHARED_LIBS)
+    cale_pkg_config(env env "The Continuous Arcade Learning Environment (contains ALE: GPL-2.0)"
+        LIBS "-lcale_env -lcale_frames")
+elseif(TARGET cale_env)
+    get_target_property(ale_library ale::ale-lib LOCATION)
+    cale_pkg_config(env env "The Continuous Arcade Learning Environment (links ALE: GPL-2.0)"
+        VARIABLE ale=${ale_library} LIBS "-lcale_env -lcale_frames \${ale} -lz -pthread")
+endif()
+if(TARGET cale_policy)
+    cmake_path(GET LibTorch_INCLUDE_DIR PARENT_PATH libtorch)
+    cmake_path(GET LibTorch_CPU_LIBRARY PARENT_PATH libtorch_libraries)
+    string(REPLACE ${libtorch} "\${libtorch}" libtorch_libraries ${libtorch_libraries})
+    cale_pkg_config(policy policy "Trained policies with LibTorch (MIT)" VARIABLE libtorch=${libtorch}
+        CFLAGS "-idirafter \${libtorch}/include -idirafter \${libtorch}/include/torch/csrc/api/include"
+        LIBS "-lcale_policy -lcale_networks -lcale_policy_lite -lcale_frames -L${libtorch_libraries} \
+-Wl,-rpath,${libtorch_libraries} -ltorch_cpu -lc10")
+endif()

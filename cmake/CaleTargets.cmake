@@ -21,16 +21,25 @@ endif()
 # One library per folder: cale_library(replay TORCH DEPENDS cale::env)
 # makes cale_replay, known as cale::replay, from the folder's sources.
 # TORCH: includes LibTorch's headers, so shares the precompiled header.
+# SOURCES, HEADERS: of a folder with two libraries; the headers are those that are installed with it.
+# COMPONENT: what a user of the installed package asks for to get it: env, policy, policy_lite or, if nothing is
+# said, train.
+# A shared library shows what is in namespace cale; ALE and whatever else is in it stay inside.
 function(cale_library name)
-    cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "" "DEPENDS;PRIVATE_DEPENDS")
-    file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
-    add_library(cale_${name} ${sources})
+    cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "COMPONENT" "SOURCES;HEADERS;DEPENDS;PRIVATE_DEPENDS")
+    # What is header-only leaves nothing that a consumer would have to link.
+    list(TRANSFORM arg_PRIVATE_DEPENDS REPLACE "^(CLI11::CLI11|nlohmann_json::nlohmann_json)$"
+        "$<BUILD_INTERFACE:\\1>")
+    if(NOT arg_SOURCES)
+        file(GLOB arg_SOURCES CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+    endif()
+    add_library(cale_${name} ${arg_SOURCES})
     add_library(cale::${name} ALIAS cale_${name})
     set_target_properties(cale_${name} PROPERTIES EXPORT_NAME ${name})
     target_compile_features(cale_${name} PUBLIC cxx_std_20)
     target_include_directories(cale_${name} PUBLIC
         $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
-        $<INSTALL_INTERFACE:include/cale-${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}>)
+        $<INSTALL_INTERFACE:${CALE_INCLUDE_DIR}>)
     target_link_libraries(cale_${name}
         PUBLIC ${arg_DEPENDS}
         PRIVATE ${arg_PRIVATE_DEPENDS} $<BUILD_INTERFACE:cale_options>)
@@ -38,8 +47,32 @@ function(cale_library name)
         target_link_libraries(cale_${name} PUBLIC LibTorch::LibTorch)
         cale_use_torch_headers(cale_${name})
     endif()
-    set_property(GLOBAL APPEND PROPERTY CALE_LIBRARIES cale_${name})
-    set_property(GLOBAL APPEND PROPERTY CALE_HEADER_FOLDERS ${CMAKE_CURRENT_SOURCE_DIR})
+    if(BUILD_SHARED_LIBS)
+        set(map ${PROJECT_SOURCE_DIR}/cmake/interface.map)
+        target_link_options(cale_${name} PRIVATE -Wl,--version-script=${map})
+        set_target_properties(cale_${name} PROPERTIES LINK_DEPENDS ${map})
+    endif()
+    if(NOT arg_COMPONENT)
+        set(arg_COMPONENT train)
+    endif()
+    if(NOT arg_HEADERS)
+        file(GLOB arg_HEADERS CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.h)
+    endif()
+    cale_install_library(cale_${name} ${arg_COMPONENT} ${arg_HEADERS})
+endfunction()
+
+# Makes a library and its headers part of a component of the package.
+function(cale_install_library target component)
+    get_target_property(type ${target} TYPE)
+    if(type STREQUAL SHARED_LIBRARY)
+        set_target_properties(${target} PROPERTIES
+            VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR}
+            INSTALL_RPATH $ORIGIN INSTALL_RPATH_USE_LINK_PATH ON)
+    endif()
+    set_property(GLOBAL APPEND PROPERTY CALE_LIBRARIES_${component} ${target})
+    set(headers ${ARGN})
+    list(TRANSFORM headers PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+    set_property(GLOBAL APPEND PROPERTY CALE_HEADERS_${component} ${headers})
 endfunction()
 
 # <torch/torch.h> costs 27 s in every file that includes it. It is compiled once.
