@@ -1,0 +1,34 @@
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "experiment/export.h"
+#include "train/commands.h"
+
+namespace cale {
+
+void add_export(CLI::App& app) {
+    struct Options {
+        std::string from, output, format = "policy";
+    };
+    auto& command =
+        *app.add_subcommand("export", "Makes a policy file, for other programs, of what a run learned.");
+    const auto options = std::make_shared<Options>();
+    command.add_option("PATH", options->from, "a checkpoint, or a run: its newest checkpoint")->required();
+    command.add_option("-o,--output", options->output, "the file to write")->required();
+    command.add_option("--format", options->format, "policy: docs/policy_file.md; onnx: for ONNX runtimes")
+        ->check(CLI::IsMember({"policy", "onnx"}))
+        ->capture_default_str();
+    command.callback([options] {
+        const auto write = options->format == "onnx" ? export_onnx : export_policy;
+        const auto info = write(options->from, options->output);
+        const auto& origin = info.provenance;
+        fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output, info.agent,
+                   info.game, info.encoder, origin.at("agent_steps"), origin.at("seed"),
+                   static_cast<double>(std::filesystem::file_size(options->output)) / 1e6);
+    });
+}
+
+}  // namespace cale
