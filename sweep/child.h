@@ -1,0 +1,39 @@
+// A run as a child process.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+namespace cale {
+
+/// How a child ended.
+struct ChildEnd {
+    int exit_code = -1;  // -1: a signal ended it
+    int signal = 0;
+};
+
+/// "exit code 1", "killed by signal 9 (Killed)".
+std::string text_of(const ChildEnd& end);
+
+struct ChildSettings {
+    std::filesystem::path output;  // both streams are appended to it
+    std::vector<int> cpus;         // it may use these; empty: any
+};
+
+/// Starts a program. The child has a process group of its own, so that Ctrl-C at the terminal reaches it
+/// through its parent alone, and gets SIGTERM when the thread that called this dies, however it dies. It
+/// inherits the descriptors that are open without O_CLOEXEC. Exit code 127: there is no such program.
+/// Throws std::system_error.
+pid_t start_child(const std::vector<std::string>& command, const ChildSettings& settings);
+
+/// How the child ended; none while it runs. To be asked once it has been told an end no more.
+std::optional<ChildEnd> poll_child(pid_t child);
+
+/// Whether the process has a handler for the signal; false where there is no such process.
+bool catches(pid_t process, int signal);
+
+}  // namespace cale

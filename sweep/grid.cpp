@@ -1,0 +1,127 @@
+#include "sweep/grid.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <iterator>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "cale/games.h"
+#include "experiment/config.h"
+
+namespace cale {
+namespace {
+
+/// The games whose curves the paper shows for SAC and DQN, 200 million frames.
+constexpr std::array<std::string_view, 10> kPaperTen = {"Asterix", "Asteroids",    "BankHeist", "Bowling",
+                                                        "Boxing",  "Breakout",     "Centipede", "MsPacman",
+                                                        "Pong",    "SpaceInvaders"};
+
+/// The games that a word stands for; empty if it names no group.
+std::vector<std::string> games_of_group(std::string_view word) {
+    std::vector<std::string> roms;
+    for (const auto& game : games()) {
+        const bool in_ten = std::find(kPaperTen.begin(), kPaperTen.end(), game.name) != kPaperTen.end();
+        if (word == "all" || (word == "atari100k" && game.in_atari100k) || (word == "paper_ten" && in_ten))
+            roms.emplace_back(game.rom);
+    }
+    return roms;
+}
+
+std::optional<std::int64_t> natural(std::string_view text) {
+    std::int64_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() || value < 0) return std::nullopt;
+    return value;
+}
+
+std::vector<std::string> expand_one(std::string_view key, const std::string& text) {
+    if (key == "env.game") {
+        auto group = games_of_group(text);
+        if (!group.empty()) return group;
+        try {
+            return {std::string(find_game(text).rom)};
+        } catch (const std::invalid_argument& error) {
+            throw ConfigError(
+                fmt::format("{}; groups of games are atari100k, paper_ten and all", error.what()));
+        }
+    }
+    const auto dots = text.find("..");
+    if (dots == std::string::npos) return {text};
+    const auto first = natural(std::string_view(text).substr(0, dots));
+    const auto last = natural(std::string_view(text).substr(dots + 2));
+    if (!first || !last) return {text};
+    if (*last < *first)
+        throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
+    if (*last - *first >= static_cast<std::int64_t>(kMostRuns))
+        throw ConfigError(fmt::format("the range {} has more than {} values", text, kMostRuns));
+    std::vector<std::string> values;
+    for (auto value = *first; value <= *last; ++value) values.push_back(std::to_string(value));
+    return values;
+}
+
+[[noreturn]] void too_many() {
+    throw ConfigError(fmt::format("more than {} runs", kMostRuns));
+}
+
+}  // namespace
+
+std::vector<std::string> expand(std::string_view key, const std::vector<std::string>& texts) {
+    std::vector<std::string> values;
+    std::set<std::string> seen;
+    for (const auto& text : texts) {
+        for (auto& value : expand_one(key, text)) {
+            if (seen.insert(value).second) values.push_back(std::move(value));
+        }
+    }
+    return values;
+}
+
+std::vector<std::vector<Setting>> combinations(const Grid& grid) {
+    std::vector<std::vector<Setting>> result(1);
+    for (const auto& axis : grid) {
+        if (result.size() * axis.values.size() > kMostRuns) too_many();
+        std::vector<std::vector<Setting>> longer;
+        for (const auto& start : result) {
+            for (const auto& value : axis.values) {
+                longer.push_back(start);
+                longer.back().push_back({axis.key, value});
+            }
+        }
+        result = std::move(longer);
+    }
+    return result;
+}
+
+std::vector<std::vector<Setting>> combinations(const Grid& grid, const std::vector<Grid>& variants) {
+    const auto starts = combinations(grid);
+    if (variants.empty()) return starts;
+    std::vector<std::vector<Setting>> ends;
+    for (const auto& variant : variants) {
+        auto more = combinations(variant);
+        std::move(more.begin(), more.end(), std::back_inserter(ends));
+    }
+    if (starts.size() * ends.size() > kMostRuns) too_many();
+    std::vector<std::vector<Setting>> result;
+    for (const auto& start : starts) {
+        for (const auto& end : ends) {
+            result.push_back(start);
+            result.back().insert(result.back().end(), end.begin(), end.end());
+        }
+    }
+    return result;
+}
+
+Axis* find(Grid& grid, std::string_view key) {
+    const auto found =
+        std::find_if(grid.begin(), grid.end(), [&](const Axis& axis) { return axis.key == key; });
+    return found == grid.end() ? nullptr : &*found;
+}
+
+}  // namespace cale

@@ -1,0 +1,37 @@
+// Keys and the values that they take: what a sweep file is made of.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "sweep/sweep_file.h"
+
+namespace cale {
+
+/// More runs, or values of one key, than this are a misprint: the paper's largest comparison has 1,500.
+inline constexpr std::size_t kMostRuns = 100'000;
+
+/// A key and the values that it takes in turn.
+struct Axis {
+    std::string key;
+    std::vector<std::string> values;
+};
+using Grid = std::vector<Axis>;
+
+/// What the texts of a file stand for, each value once: 1..3 is 1, 2 and 3; for env.game a game by any of
+/// its names, or a group of games. Throws ConfigError for an unknown game and an empty or huge range.
+std::vector<std::string> expand(std::string_view key, const std::vector<std::string>& texts);
+
+/// Every combination of the values, the last axis varying fastest. Throws ConfigError for too many.
+std::vector<std::vector<Setting>> combinations(const Grid& grid);
+
+/// Every combination of the grid with any of the variants, the variants varying fastest; of the grid alone
+/// where there are no variants. Throws ConfigError for too many.
+std::vector<std::vector<Setting>> combinations(const Grid& grid, const std::vector<Grid>& variants);
+
+/// The axis of this key; nullptr where there is none.
+Axis* find(Grid& grid, std::string_view key);
+
+}  // namespace cale

@@ -1,0 +1,282 @@
+#include "sweep/local_runner.h"
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <deque>
+#include <exception>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <sys/types.h>
+
+#include "experiment/console.h"
+#include "sweep/child.h"
+#include "sweep/run_folder.h"
+#include "sweep/sweep_console.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kPollInterval = std::chrono::milliseconds(100);
+constexpr auto kGrace = std::chrono::seconds(1);
+
+enum TrainExit { kDone = 0, kUsage = 2, kCannotResume = 3 };
+enum SweepExit { kAllFinished = 0, kSomeFailed = 1, kInterrupted = 130 };
+
+volatile std::sig_atomic_t stops = 0;
+volatile std::sig_atomic_t interrupts = 0;
+
+/// While it lives, signals that ask for an end are counted. One that was ignored (nohup) stays so.
+class CountedSignals {
+  public:
+    CountedSignals() {
+        stops = 0;
+        interrupts = 0;
+        for (std::size_t i = 0; i < std::size(kSignals); ++i) {
+            struct sigaction action = {};
+            action.sa_handler = [](int number) {
+                stops = stops + 1;
+                if (number == SIGINT) interrupts = interrupts + 1;
+            };
+            sigaction(kSignals[i], nullptr, &before_[i]);
+            if (before_[i].sa_handler != SIG_IGN) sigaction(kSignals[i], &action, nullptr);
+        }
+    }
+    ~CountedSignals() {
+        for (std::size_t i = 0; i < std::size(kSignals); ++i) sigaction(kSignals[i], &before_[i], nullptr);
+    }
+    CountedSignals(const CountedSignals&) = delete;
+    CountedSignals& operator=(const CountedSignals&) = delete;
+
+  private:
+    static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
+    struct sigaction before_[3] = {};
+};
+
+/// A run, and what became of it so far.
+struct Job {
+    const PlannedRun* planned = nullptr;
+    fs::path folder{};
+    RunStatus status{};
+    int failures = 0;             // in a row, without a newer checkpoint
+    std::int64_t started_at = 0;  // agent step of the checkpoint that it went on from
+    Clock::time_point started{};
+    pid_t process = 0;
+    bool waits = false;     // for another process
+    bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
+    std::size_t slot = 0;
+};
+
+class LocalRunner {
+  public:
+    LocalRunner(std::span<const PlannedRun> runs, const fs::path& folder, const Slots& slots,
+                const LocalOptions& options)
+        : slots_(slots.slots), options_(options), console_(options.out, options.live_table) {
+        for (std::size_t slot = slots_.size(); slot > 0; --slot) free_slots_.push_back(slot - 1);
+        jobs_.resize(runs.size());
+        for (std::size_t i = 0; i < runs.size(); ++i) {
+            auto& job = jobs_[i];
+            job.planned = &runs[i];
+            job.folder = folder / runs[i].run.name;
+            job.status = status_of(job.folder, runs[i].total_steps, runs[i].evaluates);
+            if (job.status.state != RunState::finished) queue_.push_back(&job);
+        }
+    }
+
+    int run() {
+        const CountedSignals signals;
+        while (true) {
+            reap();
+            if (stops > 0) stop();
+            if (stops == 0) start_waiting();
+            if (active_.empty() && (stops > 0 || queue_.empty())) break;
+            show();
+            std::this_thread::sleep_for(kPollInterval);
+        }
+        console_.finish(rows());
+        if (stops > 0) return kInterrupted;
+        return count(RunState::failed) > 0 ? kSomeFailed : kAllFinished;
+    }
+
+  private:
+    // ---- processes ----
+
+    void start_waiting() {
+        // A run that is locked stays in the queue, behind those that wait.
+        for (auto tries = queue_.size(); tries > 0 && !free_slots_.empty(); --tries) {
+            Job& job = *queue_.front();
+            queue_.pop_front();
+            try {
+                start(job);
+            } catch (const std::exception& error) {
+                failed(job, error.what(), /*try_again=*/true);
+            }
+        }
+    }
+
+    void start(Job& job) {
+        const auto& planned = *job.planned;
+        fs::create_directories(job.folder);
+        const auto claim = RunClaim::take(job.folder);
+        if (!claim) {
+            if (!std::exchange(job.waits, true))
+                say("waits", job, "another process is at work in its folder");
+            job.status = status_of(job.folder, planned.total_steps, planned.evaluates);
+            queue_.push_back(&job);
+            return;
+        }
+        if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
+            job.status.state = RunState::finished;
+            job.status.step = newest_checkpoint(job.folder).value_or(planned.total_steps);
+            return say("finished", job, "by another process");
+        }
+        const auto checkpoint = newest_checkpoint(job.folder);
+        if (!checkpoint) prepare_for_start(job.folder);
+        forget_failure(job.folder);
+
+        const auto slot = free_slots_.back();
+        const RunPlace place{
+            .folder = job.folder, .threads = options_.threads, .device = slots_[slot].device};
+        job.process = start_child(command_of(planned, place, checkpoint.has_value()),
+                                  {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
+        free_slots_.pop_back();
+        job.listened = false;
+        job.slot = slot;
+        job.started = Clock::now();
+        job.started_at = checkpoint.value_or(0);
+        job.status = {.state = RunState::running, .step = job.started_at};
+        active_.push_back(&job);
+        say(checkpoint ? "goes on" : "starts", job,
+            checkpoint ? fmt::format("from step {}", *checkpoint) : "");
+        // The child has the claim now; this process lets go of it.
+    }
+
+    void reap() {
+        std::vector<std::pair<Job*, ChildEnd>> ended;
+        for (Job* job : active_) {
+            job->listened = job->listened || catches(job->process, SIGTERM);
+            if (const auto end = poll_child(job->process)) ended.emplace_back(job, *end);
+        }
+        for (const auto& [job, end] : ended) {
+            std::erase(active_, job);
+            free_slots_.push_back(job->slot);
+            take_in(*job, end);
+        }
+    }
+
+    void take_in(Job& job, const ChildEnd& end) {
+        job.status = status_of(job.folder, job.planned->total_steps, job.planned->evaluates);
+        if (end.exit_code == kDone) {
+            job.status.state = RunState::finished;
+            const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();
+            return say(
+                "finished", job,
+                fmt::format("in {}{}", duration_text(seconds),
+                            job.status.mean_return ? fmt::format(", return {:.1f}", *job.status.mean_return)
+                                                   : std::string()));
+        }
+        if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
+        const auto words = last_words(job.folder);
+        const bool hopeless = end.exit_code == kUsage || end.exit_code == kCannotResume;
+        if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;
+        failed(job, text_of(end) + (end.exit_code >= 0 && !words.empty() ? ": " + words : ""), !hopeless);
+    }
+
+    void failed(Job& job, const std::string& reason, bool try_again) {
+        ++job.failures;
+        if (try_again && job.failures <= options_.retries) {
+            queue_.push_back(&job);
+            return say(
+                "broke off", job,
+                fmt::format("{}; it is tried again ({} of {})", reason, job.failures, options_.retries));
+        }
+        job.status.state = RunState::failed;
+        job.status.message = reason;
+        say("FAILED", job, reason);
+        try {
+            remember_failure(job.folder, reason);
+        } catch (const std::exception& error) {
+            say("FAILED", job, error.what());  // a full disk, which the reason may have been
+        }
+    }
+
+    /// A run's second signal kills it, and a batch system sends the first to all processes of a job. So a run
+    /// that no longer catches SIGTERM has been told, and the batch system is given the time to tell it.
+    void stop() {
+        const auto now = Clock::now();
+        if (stop_at_ == Clock::time_point::max()) {
+            stop_at_ = now + (interrupts > 0 ? Clock::duration{} : kGrace);
+            console_.say(fmt::format("Stopping {} run{}, which write a checkpoint first.{}", active_.size(),
+                                     active_.size() == 1 ? "" : "s",
+                                     interrupts > 0 ? " Ctrl-C again kills them." : ""));
+        }
+        if (now >= stop_at_ && !std::exchange(told_, true)) {
+            for (const Job* job : active_) {
+                if (!job->listened || catches(job->process, SIGTERM)) ::kill(job->process, SIGTERM);
+            }
+        }
+        if (interrupts > 1 && !std::exchange(killed_, true)) {
+            for (const Job* job : active_) ::kill(job->process, SIGKILL);
+        }
+    }
+
+    // ---- what is shown ----
+
+    std::vector<RunRow> rows() const {
+        std::vector<RunRow> result;
+        for (const auto& job : jobs_) {
+            result.push_back({.name = job.planned->run.name,
+                              .state = std::string(name_of(job.status.state)),
+                              .status = job.status,
+                              .total_steps = job.planned->total_steps});
+        }
+        return result;
+    }
+
+    std::size_t count(RunState state) const {
+        return static_cast<std::size_t>(std::count_if(
+            jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.status.state == state; }));
+    }
+
+    void say(std::string_view what, const Job& job, const std::string& more = "") {
+        const auto width = std::to_string(jobs_.size()).size();
+        console_.say(fmt::format("[{:>{}}/{}] {:<9}  {}{}{}", count(RunState::finished), width, jobs_.size(),
+                                 what, job.planned->run.name, more.empty() ? "" : "  ", more));
+    }
+
+    void show() {
+        if (!console_.due()) return;
+        for (Job* job : active_) {
+            job->status = status_of(job->folder, job->planned->total_steps, job->planned->evaluates);
+            job->status.state = RunState::running;
+        }
+        console_.show(rows());
+    }
+
+    const std::vector<Slot>& slots_;
+    const LocalOptions& options_;
+    SweepConsole console_;
+    std::vector<Job> jobs_;
+    std::deque<Job*> queue_;
+    std::vector<Job*> active_;
+    std::vector<std::size_t> free_slots_;
+    Clock::time_point stop_at_ = Clock::time_point::max();
+    bool told_ = false, killed_ = false;
+};
+
+}  // namespace
+
+int run_locally(std::span<const PlannedRun> runs, const fs::path& folder, const Slots& slots,
+                const LocalOptions& options) {
+    return LocalRunner(runs, folder, slots, options).run();
+}
+
+}  // namespace cale

@@ -1,0 +1,92 @@
+#include "sweep/machine.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <sched.h>
+
+#include "experiment/config.h"
+#include "replay/available_memory.h"
+
+namespace cale {
+namespace {
+
+void check_device(const std::string& device) {
+    const bool indexed = device.starts_with("cuda:") && device.size() > 5 &&
+                         device.find_first_not_of("0123456789", 5) == std::string::npos;
+    if (device != "cpu" && device != "cuda" && !indexed)
+        throw ConfigError(
+            fmt::format("--device {}: expected auto, cpu, cuda or cuda:<index>, or several of the "
+                        "last with commas between",
+                        device));
+}
+
+std::vector<std::string> devices_of(const Machine& machine, const Sharing& sharing) {
+    for (const auto& device : sharing.devices) check_device(device);
+    if (!sharing.devices.empty()) return sharing.devices;
+    std::vector<std::string> devices;
+    for (int gpu = 0; gpu < machine.gpus; ++gpu) devices.push_back(fmt::format("cuda:{}", gpu));
+    if (devices.empty()) devices.emplace_back("cpu");
+    return devices;
+}
+
+std::string gigabytes(std::int64_t bytes) {
+    return fmt::format("{:.1f} GB", static_cast<double>(bytes) / 1e9);
+}
+
+}  // namespace
+
+Machine Machine::here() {
+    Machine machine{.cpus = {}, .memory = available_memory()};
+    cpu_set_t cpus;
+    CPU_ZERO(&cpus);
+    if (::sched_getaffinity(0, sizeof(cpus), &cpus) == 0) {
+        for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+            if (CPU_ISSET(cpu, &cpus)) machine.cpus.push_back(static_cast<int>(cpu));
+        }
+    }
+    return machine;
+}
+
+Slots share(const Machine& machine, const Sharing& sharing, std::span<const PlannedRun> runs) {
+    const auto devices = devices_of(machine, sharing);
+    const auto threads = static_cast<std::size_t>(sharing.threads);
+    const auto memory = sharing.memory_per_run > 0 ? sharing.memory_per_run : largest_memory(runs);
+    Slots result;
+    auto jobs = std::max<std::size_t>(1, machine.cpus.size() / threads);
+    result.reason =
+        fmt::format("{} cores, {} thread{} a run", machine.cpus.size(), threads, threads == 1 ? "" : "s");
+    const auto limit = [&](std::size_t most, std::string reason) {
+        if (most >= jobs) return;
+        jobs = std::max<std::size_t>(1, most);
+        result.reason = std::move(reason);
+    };
+    limit(static_cast<std::size_t>(machine.memory / memory),
+          fmt::format("{} of memory, {} a run", gigabytes(machine.memory), gigabytes(memory)));
+    if (devices.front() != "cpu") {
+        const auto gpus = devices.size();
+        limit(gpus * static_cast<std::size_t>(sharing.per_gpu),
+              fmt::format("{} GPU{}, {} run{} on each", gpus, gpus == 1 ? "" : "s", sharing.per_gpu,
+                          sharing.per_gpu == 1 ? "" : "s"));
+    }
+    if (sharing.jobs > 0) {
+        jobs = static_cast<std::size_t>(sharing.jobs);
+        result.reason = "--jobs";
+    }
+    limit(runs.size(), "all of them");
+
+    // Only where the sweep fills the machine: beside other work the kernel places runs better.
+    const bool own_cores =
+        jobs * threads <= machine.cpus.size() && (jobs + 1) * threads > machine.cpus.size();
+    for (std::size_t job = 0; job < jobs; ++job) {
+        Slot slot{.device = devices[job % devices.size()]};
+        if (own_cores) {
+            const auto first = machine.cpus.begin() + static_cast<std::ptrdiff_t>(job * threads);
+            slot.cpus.assign(first, first + static_cast<std::ptrdiff_t>(threads));
+        }
+        result.slots.push_back(std::move(slot));
+    }
+    return result;
+}
+
+}  // namespace cale

@@ -1,0 +1,48 @@
+// How many runs a machine takes at once, and which cores and device each of them gets.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sweep/plan.h"
+
+namespace cale {
+
+struct Machine {
+    std::vector<int> cpus;    // that this process may use
+    std::int64_t memory = 0;  // bytes that are left
+    int gpus = 0;             // that LibTorch can use
+
+    /// The machine that this process is on; `gpus` is for the caller to fill in.
+    static Machine here();
+};
+
+/// How runs share the machine; 0 where it is to be worked out.
+struct Sharing {
+    int jobs = 0;                        // runs at once
+    int threads = 1;                     // of a run
+    std::int64_t memory_per_run = 0;     // bytes
+    std::vector<std::string> devices{};  // "cpu", "cuda:0", ...; empty: all GPUs, or the CPU if there is none
+    int per_gpu = 1;                     // runs at once on a GPU
+};
+
+/// A place for one run.
+struct Slot {
+    std::string device = "cpu";
+    std::vector<int> cpus{};  // of its own; empty where the runs take more or less than all there are
+};
+
+struct Slots {
+    std::vector<Slot> slots;
+    std::string reason;  // why that many: "2 cores, 1 thread a run"
+};
+
+/// As many places as cores, memory and GPUs allow, one at least, and no more than there are runs; or as many
+/// as `sharing.jobs`. Runs on one GPU after the other, so that a few runs are spread over all of them.
+/// Throws ConfigError for a device that is not cpu, cuda or cuda:<index>.
+Slots share(const Machine& machine, const Sharing& sharing, std::span<const PlannedRun> runs);
+
+}  // namespace cale

@@ -1,0 +1,41 @@
+// From the runs of a sweep to the commands that train them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sweep/sweep_file.h"
+
+namespace cale {
+
+/// A run, and what its own program says about it.
+struct PlannedRun {
+    SweepRun run;
+    std::filesystem::path program;  // .../bin/train_sac
+    std::int64_t total_steps = 0;   // agent steps
+    bool evaluates = true;          // whether the run ends with an evaluation
+    std::int64_t memory = 0;  // bytes that it will take, estimated: the replay once it is full, and the rest
+};
+
+/// Asks the program of every agent for its settings, which it checks: keys, types and ranges. Looks for
+/// the programs in `folder`, then on the PATH, and for the ROM of every game.
+/// Throws ConfigError, one sentence, for the first thing that is wrong: nothing has been started then.
+std::vector<PlannedRun> plan(const Sweep& sweep, const std::filesystem::path& folder);
+
+/// Bytes of the largest of them; 1 if there are none.
+std::int64_t largest_memory(std::span<const PlannedRun> runs);
+
+/// How a run is started.
+struct RunPlace {
+    std::filesystem::path folder;  // of the run
+    int threads = 1;
+    std::string device = "auto";
+};
+
+/// The arguments of a run's process, the program first. `resume`: it goes on from its newest checkpoint.
+std::vector<std::string> command_of(const PlannedRun& planned, const RunPlace& place, bool resume);
+
+}  // namespace cale

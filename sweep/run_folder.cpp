@@ -1,0 +1,212 @@
+#include "sweep/run_folder.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "experiment/files.h"
+#include "sweep/shell.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kClaim = ".claim";
+constexpr const char* kTrainLock = ".lock";  // of experiment/run_lock.h
+constexpr const char* kOutput = "output.log";
+constexpr const char* kFailure = "failure.txt";
+
+/// "step_000250000" or "step_000250000.csv" as 250000.
+std::optional<std::int64_t> step_in(std::string name, std::string_view ending) {
+    if (!name.starts_with("step_") || !name.ends_with(ending)) return std::nullopt;
+    name = name.substr(5, name.size() - 5 - ending.size());
+    std::int64_t step = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), step);
+    if (error != std::errc{} || end != name.data() + name.size()) return std::nullopt;
+    return step;
+}
+
+/// The largest step that a name in the folder has.
+std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {
+    std::optional<std::int64_t> newest;
+    std::error_code ignored;
+    for (const auto& item : fs::directory_iterator(folder, ignored))
+        newest = std::max(newest, step_in(item.path().filename(), ending));
+    return newest;
+}
+
+std::vector<std::string> split(const std::string& line) {
+    std::vector<std::string> cells(1);
+    for (const char c : line) {
+        if (c == ',') {
+            cells.emplace_back();
+        } else {
+            cells.back() += c;
+        }
+    }
+    return cells;
+}
+
+/// The end of a file, which may be long.
+std::string tail(const fs::path& file, std::int64_t bytes) {
+    std::ifstream in(file, std::ios::binary | std::ios::ate);
+    if (!in) return "";
+    const auto size = static_cast<std::int64_t>(in.tellg());
+    const auto count = std::min(size, bytes);
+    in.seekg(size - count);
+    std::string text(static_cast<std::size_t>(count), '\0');
+    in.read(text.data(), count);
+    text.resize(static_cast<std::size_t>(in.gcount()));
+    return text;
+}
+
+/// Puts what the newest row of progress.csv says into `status`.
+void read_newest_report(const fs::path& file, RunStatus& status) {
+    std::ifstream in(file);
+    std::string header;
+    if (!std::getline(in, header)) return;
+    auto text = tail(file, 16 * 1024);
+    text.resize(text.rfind('\n') == text.npos ? 0 : text.rfind('\n'));  // a row under way does not count
+    const auto row = text.substr(text.rfind('\n') + 1);
+    const auto names = split(header);
+    const auto cells = split(row);
+    if (row == header || cells.size() != names.size()) return;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), nullptr);
+        if (!std::isfinite(value)) continue;
+        if (names[i] == "global_step") status.step = static_cast<std::int64_t>(value);
+        if (names[i] == "steps_per_second") status.steps_per_second = value;
+        if (names[i] == "charts/avg_episodic_return") status.mean_return = value;
+    }
+}
+
+struct flock whole_file(short type) {
+    struct flock lock {};
+    lock.l_type = type;
+    lock.l_whence = SEEK_SET;
+    return lock;
+}
+
+/// Whether a training program holds its lock, which a user may have started by hand.
+bool is_trained_in(const fs::path& folder) {
+    const int file = ::open((folder / kTrainLock).c_str(), O_RDONLY | O_CLOEXEC);
+    if (file < 0) return false;
+    const bool taken = ::flock(file, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    ::close(file);
+    return taken;
+}
+
+}  // namespace
+
+std::string_view name_of(RunState state) {
+    constexpr std::array<std::string_view, 5> names = {"waiting", "interrupted", "running", "finished",
+                                                       "failed"};
+    return names[static_cast<std::size_t>(state)];
+}
+
+std::optional<std::int64_t> newest_checkpoint(const fs::path& folder) {
+    return newest_step(folder / "checkpoints", "");
+}
+
+bool is_finished(const fs::path& folder, std::int64_t total_steps, bool evaluates) {
+    const auto checkpoint = newest_checkpoint(folder);
+    return checkpoint && *checkpoint >= total_steps &&
+           (!evaluates || newest_step(folder / "eval", ".csv").value_or(0) >= total_steps);
+}
+
+RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evaluates) {
+    RunStatus status;
+    read_newest_report(folder / "progress.csv", status);
+    const auto checkpoint = newest_checkpoint(folder);
+    status.step = std::max(status.step, checkpoint.value_or(0));
+    if (RunClaim::is_taken(folder)) {
+        status.state = RunState::running;
+    } else if (is_finished(folder, total_steps, evaluates)) {
+        status.state = RunState::finished;
+    } else if (fs::exists(folder / kFailure)) {
+        status.state = RunState::failed;
+        status.message = tail(folder / kFailure, 4096);
+    } else if (checkpoint) {
+        status.state = RunState::interrupted;
+        status.step = *checkpoint;
+    }
+    return status;
+}
+
+void prepare_for_start(const fs::path& folder) {
+    fs::create_directories(folder);
+    for (const auto& item : fs::directory_iterator(folder)) {
+        const auto name = item.path().filename();
+        if (name != kClaim && name != kOutput) fs::remove_all(item.path());
+    }
+}
+
+void remember_failure(const fs::path& folder, std::string_view reason) {
+    write_file_atomically(folder / kFailure, reason);
+}
+
+void forget_failure(const fs::path& folder) {
+    fs::remove(folder / kFailure);
+}
+
+fs::path output_file(const fs::path& folder) {
+    return folder / kOutput;
+}
+
+std::string last_words(const fs::path& folder) {
+    const auto text = without_line_end(tail(output_file(folder), 4096));
+    return text.substr(text.rfind('\n') + 1);
+}
+
+// ---- the claim ----------------------------------------------------------------------
+
+// An "open file description" lock: of the descriptor rather than the process, so that a child inherits it,
+// and known to network file systems.
+std::optional<RunClaim> RunClaim::take(const fs::path& folder) {
+    const auto file = folder / kClaim;
+    RunClaim claim(::open(file.c_str(), O_RDWR | O_CREAT, 0666));
+    if (claim.descriptor_ < 0)
+        throw std::system_error(errno, std::generic_category(),
+                                fmt::format("cannot open '{}'", file.string()));
+    auto all = whole_file(F_WRLCK);
+    if (::fcntl(claim.descriptor_, F_OFD_SETLK, &all) == 0) {
+        if (is_trained_in(folder)) return std::nullopt;
+        return claim;
+    }
+    if (errno == EAGAIN || errno == EACCES) return std::nullopt;
+    throw std::system_error(errno, std::generic_category(), fmt::format("cannot lock '{}'", file.string()));
+}
+
+bool RunClaim::is_taken(const fs::path& folder) {
+    const int file = ::open((folder / kClaim).c_str(), O_RDWR | O_CLOEXEC);
+    if (file >= 0) {
+        auto all = whole_file(F_WRLCK);
+        const bool answered = ::fcntl(file, F_OFD_GETLK, &all) == 0;
+        ::close(file);
+        // In this order: a program that a sweep has just started must not find its lock taken by this
+        // question.
+        if (answered && all.l_type != F_UNLCK) return true;
+    }
+    return is_trained_in(folder);
+}
+
+RunClaim::RunClaim(RunClaim&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
+
+RunClaim::~RunClaim() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+}  // namespace cale

@@ -1,0 +1,23 @@
+// Other programs, and what they answer.
+#pragma once
+
+#include <span>
+#include <string>
+
+namespace cale {
+
+/// Arguments as text that a shell reads to the same arguments.
+std::string shell_text(std::span<const std::string> arguments);
+
+struct Answer {
+    int status = 0;  // of the shell, as waitpid() has it; 0: well
+    std::string text;
+};
+
+/// What a shell command writes to its standard output. Throws std::runtime_error where it cannot be started.
+Answer answer_of(const std::string& command);
+
+/// What is before the line breaks at its end.
+std::string without_line_end(std::string text);
+
+}  // namespace cale

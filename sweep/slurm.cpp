@@ -1,0 +1,152 @@
+#include "sweep/slurm.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdlib>
+#include <sstream>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "experiment/config.h"
+#include "experiment/files.h"
+#include "sweep/run_folder.h"
+#include "sweep/shell.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+/// Largest index of an array plus one, where Slurm has not been told otherwise.
+constexpr std::size_t kUsualArraySize = 1001;
+
+constexpr const char* kScript = R"(
+# Slurm sends SIGTERM when the job is preempted or cancelled, and SIGUSR1 before its time is up. Either ends
+# the run after a checkpoint; one whose time is up goes back into the queue.
+time_is_up=
+trap 'time_is_up=1; kill -TERM "$runner"' USR1
+trap 'kill -TERM "$runner"' TERM
+{command} --only "${{runs[$SLURM_ARRAY_TASK_ID]}}" &
+runner=$!
+while kill -0 "$runner" 2>/dev/null; do wait "$runner"; done  # a signal interrupts wait
+wait "$runner"
+code=$?
+if [ "$code" = 130 ] && [ -n "$time_is_up" ]; then scontrol requeue "$SLURM_JOB_ID"; fi
+exit "$code"
+)";
+
+fs::path index_file(const fs::path& folder) {
+    return folder / "slurm.json";
+}
+
+/// {{"job": "17", "runs": ["Pong__sac__1", ...]}, ...}: task i of job 17 trains the i-th of its runs.
+nlohmann::json read_index(const fs::path& folder) {
+    if (!fs::exists(index_file(folder))) return nlohmann::json::array();
+    auto index = nlohmann::json::parse(read_file(index_file(folder)), nullptr, false);
+    if (!index.is_array())
+        throw std::runtime_error(
+            fmt::format("{} is damaged; delete it once no job of this sweep is left in squeue",
+                        index_file(folder).string()));
+    return index;
+}
+
+std::string lower(std::string text) {
+    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return text;
+}
+
+std::size_t largest_array() {
+    std::istringstream lines(answer_of("scontrol show config 2>/dev/null").text);
+    for (std::string line; std::getline(lines, line);) {
+        if (!line.starts_with("MaxArraySize")) continue;
+        const auto size = std::atol(line.substr(line.find('=') + 1).c_str());
+        if (size > 0) return static_cast<std::size_t>(size);
+    }
+    return kUsualArraySize;
+}
+
+}  // namespace
+
+std::string slurm_script(const fs::path& folder, std::span<const std::string> names, std::int64_t memory,
+                         const SlurmOptions& options) {
+    std::string script =
+        "#!/bin/bash\n# Written by cale sweep --launcher slurm: a task for each of the runs below.\n";
+    const auto directive = [&](const std::string& option) { script += fmt::format("#SBATCH {}\n", option); };
+    directive("--job-name=" + options.name);
+    directive(fmt::format("--array=0-{}{}", names.size() - 1,
+                          options.at_once > 0 ? fmt::format("%{}", options.at_once) : ""));
+    directive("--ntasks=1");
+    directive(fmt::format("--cpus-per-task={}", options.threads));
+    directive(fmt::format("--mem={}M", (memory + (1 << 20) - 1) >> 20));
+    directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", folder.string()));
+    directive("--open-mode=append");
+    directive("--requeue");
+    directive("--signal=B:USR1@120");
+    for (const auto& option : options.options) directive(option);
+    script += "\nruns=(\n";
+    for (const auto& name : names) script += fmt::format("    {}\n", name);
+    script += ")\n";
+    return script + fmt::format(fmt::runtime(kScript), fmt::arg("command", shell_text(options.command)));
+}
+
+std::map<std::string, std::string> queued_runs(const fs::path& folder) {
+    std::map<std::string, std::string> queued;
+    const auto index = read_index(folder);
+    if (index.empty() || answer_of("command -v squeue 2>/dev/null").status != 0) return queued;
+    const auto answer = answer_of("squeue --noheader --array --me --format='%F %K %T' 2>&1");
+    if (answer.status != 0)
+        throw std::runtime_error(fmt::format("squeue: {}", without_line_end(answer.text)));
+    std::istringstream lines(answer.text);
+    std::string job, task, state;
+    while (lines >> job >> task >> state) {
+        if (state == "COMPLETING" || state == "COMPLETED") continue;
+        for (const auto& array : index) {
+            if (array.at("job") != job) continue;
+            const auto number = static_cast<std::size_t>(std::atol(task.c_str()));
+            if (number < array.at("runs").size()) queued[array["runs"][number]] = lower(state);
+        }
+    }
+    return queued;
+}
+
+std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path& folder,
+                                const SlurmOptions& options) {
+    if (answer_of("command -v sbatch 2>/dev/null").status != 0)
+        throw ConfigError(
+            "--launcher slurm: there is no sbatch on the PATH; start it on a machine of the cluster "
+            "that submits jobs, or leave --launcher out to run here");
+    auto index = read_index(folder);
+    const auto queued = queued_runs(folder);
+    std::vector<std::string> names;
+    for (const auto& planned : runs) {
+        const auto state = status_of(folder / planned.run.name, planned.total_steps, planned.evaluates).state;
+        if (state == RunState::finished || state == RunState::running || queued.contains(planned.run.name))
+            continue;
+        names.push_back(planned.run.name);
+    }
+    const auto memory = options.memory > 0 ? options.memory : largest_memory(runs);
+
+    fs::create_directories(folder / "slurm");
+    std::vector<std::string> lines;
+    const auto most = names.empty() ? 0 : largest_array();
+    for (std::size_t first = 0; first < names.size(); first += most) {
+        const auto part = std::span(names).subspan(first, std::min(most, names.size() - first));
+        const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);
+        write_file_atomically(file, slurm_script(folder, part, memory, options));
+        const std::vector<std::string> command = {"sbatch", "--parsable", file.string()};
+        const auto answer = answer_of(shell_text(command) + " 2>&1");
+        if (answer.status != 0)
+            throw std::runtime_error(
+                fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
+        const auto job = answer.text.substr(0, answer.text.find_first_of(";\n"));  // "17" or "17;cluster"
+        index.push_back({{"job", job}, {"runs", std::vector<std::string>(part.begin(), part.end())}});
+        write_file_atomically(index_file(folder), index.dump(1) + "\n");
+        lines.push_back(fmt::format("job array {}: {} run{}, {}", job, part.size(),
+                                    part.size() == 1 ? "" : "s", file.string()));
+    }
+    return lines;
+}
+
+}  // namespace cale

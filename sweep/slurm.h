@@ -1,0 +1,41 @@
+// A sweep as job arrays of a Slurm cluster. What a job does is `cale sweep FILE --only RUN`, the local runner
+// for one run: retries, resuming and locks are the same.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "sweep/plan.h"
+
+namespace cale {
+
+struct SlurmOptions {
+    std::string name{};                  // of the job
+    int at_once = 0;                     // tasks of the array that may run at the same time; 0: all
+    int threads = 1;                     // cores of a task
+    std::int64_t memory = 0;             // bytes of a task; 0: as the plan has it
+    std::vector<std::string> options{};  // further ones of sbatch, such as --time=8:00:00
+    std::vector<std::string> command{};  // cale sweep FILE ..., to which --only RUN is added
+};
+
+/// The batch script of one job array, whose task i trains the i-th of `names`. `folder` is the sweep's.
+/// Slurm's time limit and preemption end a run at a checkpoint, and put it back into the queue.
+std::string slurm_script(const std::filesystem::path& folder, std::span<const std::string> names,
+                         std::int64_t memory, const SlurmOptions& options);
+
+/// What squeue says of the sweep's runs: name and state, such as "pending". Nothing for runs that are in no
+/// queue, nor where there is no squeue. Throws std::runtime_error with squeue's own sentence.
+std::map<std::string, std::string> queued_runs(const std::filesystem::path& folder);
+
+/// Submits what is neither finished nor queued nor at work, in arrays as large as the cluster allows, and
+/// returns a line for each of them. Which task is which run stands in `folder`/slurm.json.
+/// Throws ConfigError where there is no sbatch, std::runtime_error with sbatch's own sentence.
+std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
+                                const SlurmOptions& options);
+
+}  // namespace cale

@@ -1,0 +1,144 @@
+#include "sweep/sweep.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <fnmatch.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include "experiment/config.h"
+#include "sweep/local_runner.h"
+#include "sweep/plan.h"
+#include "sweep/run_folder.h"
+#include "sweep/shell.h"
+#include "sweep/slurm.h"
+#include "sweep/sweep_file.h"
+#include "sweep/table.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+bool matches(const std::string& name, const std::vector<std::string>& patterns) {
+    return patterns.empty() || std::any_of(patterns.begin(), patterns.end(), [&](const std::string& pattern) {
+               return ::fnmatch(pattern.c_str(), name.c_str(), 0) == 0;
+           });
+}
+
+void keep_only(std::vector<SweepRun>& runs, const std::vector<std::string>& patterns) {
+    const auto example = runs.front().name;
+    std::erase_if(runs, [&](const SweepRun& run) { return !matches(run.name, patterns); });
+    if (runs.empty())
+        throw ConfigError(fmt::format("--only {}: no run has such a name; one is called {}",
+                                      fmt::join(patterns, " "), example));
+}
+
+std::size_t width_of(std::FILE* out) {
+    constexpr std::size_t unlimited = 1000;
+    winsize size{};
+    return ::ioctl(::fileno(out), TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : unlimited;
+}
+
+void show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std::FILE* out) {
+    const auto queued = queued_runs(folder);
+    std::vector<RunRow> rows;
+    for (const auto& planned : runs) {
+        RunRow row{.name = planned.run.name,
+                   .state = {},
+                   .status = status_of(folder / planned.run.name, planned.total_steps, planned.evaluates),
+                   .total_steps = planned.total_steps};
+        row.state = name_of(row.status.state);
+        const auto in_queue = queued.find(row.name);
+        if (in_queue != queued.end() && row.status.state != RunState::finished) {
+            row.state = in_queue->second;
+            if (row.state == "running") row.status.state = RunState::running;
+        }
+        rows.push_back(row);
+    }
+    fmt::print(out, "{}\n{}\n", table(rows, width_of(out)), summary(rows));
+}
+
+void show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, const SweepOptions& options,
+                   const std::string& device, std::FILE* out) {
+    for (const auto& planned : runs) {
+        const auto place = RunPlace{
+            .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
+        if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
+            fmt::print(out, "# finished: {}\n", planned.run.name);
+        } else {
+            const bool resume = newest_checkpoint(place.folder).has_value();
+            fmt::print(out, "{}\n", shell_text(command_of(planned, place, resume)));
+        }
+    }
+}
+
+SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, const fs::path& folder) {
+    const auto& sharing = options.sharing;
+    SlurmOptions slurm{
+        .name = sweep.name,
+        .at_once = sharing.jobs,
+        .threads = sharing.threads,
+        .memory = sharing.memory_per_run,
+        .options = options.sbatch_options,
+        .command = {options.cale.string(), "sweep", fs::absolute(options.file).string(), "--dir",
+                    folder.string(), "--jobs", "1", "--threads", std::to_string(sharing.threads), "--retries",
+                    std::to_string(options.retries)}};
+    if (!sharing.devices.empty())
+        slurm.command.insert(slurm.command.end(),
+                             {"--device", fmt::format("{}", fmt::join(sharing.devices, ","))});
+    for (const auto& text : options.overrides) slurm.command.insert(slurm.command.end(), {"--set", text});
+    return slurm;
+}
+
+int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder, const SlurmOptions& slurm,
+                    const SweepOptions& options, std::FILE* out) {
+    if (options.task == SweepTask::show_commands) {
+        std::vector<std::string> names;
+        for (const auto& planned : runs) names.push_back(planned.run.name);
+        const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
+        fmt::print(out, "{}", slurm_script(folder, names, memory, slurm));
+        return 0;
+    }
+    fs::create_directories(folder);
+    const auto lines = submit(runs, folder, slurm);
+    for (const auto& line : lines) fmt::print(out, "{}\n", line);
+    if (lines.empty()) fmt::print(out, "nothing to submit: all runs are finished, at work or queued\n");
+    fmt::print(out, "how they stand: cale sweep {} --dir {} --status\n", options.file.string(),
+               options.folder.empty() ? folder.string() : options.folder.string());
+    return 0;
+}
+
+}  // namespace
+
+int run_sweep(const SweepOptions& options, std::FILE* out) {
+    auto sweep = read_sweep(options.file, options.overrides);
+    keep_only(sweep.runs, options.only);
+    const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
+    const auto runs = plan(sweep, options.cale.parent_path());
+    if (options.task == SweepTask::show_status) {
+        show_status(runs, folder, out);
+        return 0;
+    }
+    if (options.launcher == Launcher::slurm)
+        return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, out);
+
+    auto machine = Machine::here();
+    machine.gpus = options.gpus;
+    const auto slots = share(machine, options.sharing, runs);
+    if (options.task == SweepTask::show_commands) {
+        show_commands(runs, folder, options, slots.slots.front().device, out);
+        return 0;
+    }
+    fs::create_directories(folder);
+    fmt::print(stderr, "{}: {} runs in {}, {} at once ({})\n", sweep.name, runs.size(), folder.string(),
+               slots.slots.size(), slots.reason);
+    return run_locally(
+        runs, folder, slots,
+        {.threads = options.sharing.threads, .retries = options.retries, .live_table = options.live_table});
+}
+
+}  // namespace cale

@@ -1,0 +1,71 @@
+#include "sweep/sweep_console.h"
+
+#include <algorithm>
+#include <vector>
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+namespace cale {
+namespace {
+
+constexpr auto kDrawInterval = std::chrono::seconds(1);
+constexpr auto kSummaryInterval = std::chrono::minutes(5);
+constexpr std::size_t kUsualWidth = 120;
+constexpr std::size_t kUsualHeight = 40;
+
+}  // namespace
+
+SweepConsole::SweepConsole(std::FILE* out, bool live_table)
+    : out_(out), live_(live_table && ::isatty(::fileno(out)) == 1) {
+    if (!live_) next_ = std::chrono::steady_clock::now() + kSummaryInterval;
+}
+
+void SweepConsole::say(const std::string& line) {
+    clear();
+    fmt::print(out_, "{}\n", line);
+    std::fflush(out_);
+    if (live_) next_ = {};
+}
+
+bool SweepConsole::due() const {
+    return std::chrono::steady_clock::now() >= next_;
+}
+
+void SweepConsole::show(std::span<const RunRow> runs) {
+    if (live_) {
+        next_ = std::chrono::steady_clock::now() + kDrawInterval;
+    } else {
+        next_ = std::chrono::steady_clock::now() + kSummaryInterval;
+        fmt::print(out_, "{}\n", summary(runs));
+        std::fflush(out_);
+        return;
+    }
+    winsize size{};
+    const bool known = ::ioctl(::fileno(out_), TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+    const std::size_t width = (known ? size.ws_col : kUsualWidth) - 1;  // some terminals wrap a full line
+    const std::size_t height = known ? size.ws_row : kUsualHeight;
+    std::vector<RunRow> running;
+    for (const auto& run : runs) {
+        // Two lines are above them, and the cursor's line is below.
+        if (run.status.state == RunState::running && running.size() + 4 < std::max<std::size_t>(height, 6))
+            running.push_back(run);
+    }
+    const auto text = summary(runs).substr(0, width) + "\n" + table(running, width);
+    clear();
+    fmt::print(out_, "{}", text);
+    std::fflush(out_);
+    lines_drawn_ = static_cast<int>(std::count(text.begin(), text.end(), '\n'));
+}
+
+void SweepConsole::finish(std::span<const RunRow> runs) {
+    say(summary(runs));
+}
+
+void SweepConsole::clear() {
+    if (lines_drawn_ > 0) fmt::print(out_, "\033[{}A\033[J", lines_drawn_);
+    lines_drawn_ = 0;
+}
+
+}  // namespace cale

@@ -1,0 +1,322 @@
+#include "sweep/sweep_file.h"
+
+#include <algorithm>
+#include <map>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+
+#include "cale/games.h"
+#include "experiment/config.h"
+#include "experiment/files.h"
+#include "sweep/grid.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Contents {
+    Grid common{};  // agent, config and `set`
+    Grid grid{};
+    std::vector<Grid> variants{};
+};
+
+std::vector<std::string> split(std::string_view text, char separator) {
+    std::vector<std::string> parts;
+    for (auto at = text.find(separator); at != text.npos; at = text.find(separator)) {
+        parts.emplace_back(text.substr(0, at));
+        text.remove_prefix(at + 1);
+    }
+    parts.emplace_back(text);
+    return parts;
+}
+
+bool is_key(std::string_view key) {
+    const auto dot = key.find('.');
+    return key == "agent" || key == "config" || (dot != key.npos && dot > 0 && dot + 1 < key.size());
+}
+
+std::string no_key(std::string_view key) {
+    return fmt::format(
+        "'{}' is no key: settings are written section.name, such as env.game; beside them "
+        "there are agent and config",
+        key);
+}
+
+// ---- the file -----------------------------------------------------------------------
+
+class Reader {
+  public:
+    explicit Reader(fs::path file) : file_(std::move(file)) {}
+
+    Contents read() const {
+        Contents contents;
+        const auto root = parse();
+        check_map(root, "a sweep file has 'grid:' with the keys that vary below");
+        for (const auto& item : root) {
+            const auto section = word(item.first);
+            if (section == "agent" || section == "config") {
+                contents.common.push_back({section, {word(item.second)}});
+            } else if (section == "set") {
+                for (auto& axis : grid(item.second)) {
+                    if (axis.values.size() > 1)
+                        fail(
+                            item.second,
+                            fmt::format("'{}' has several values: what varies goes below 'grid:'", axis.key));
+                    contents.common.push_back(std::move(axis));
+                }
+            } else if (section == "grid") {
+                contents.grid = grid(item.second);
+            } else if (section == "variants") {
+                if (!item.second.IsSequence())
+                    fail(item.second, "'variants' is a list of grids: '- key: value'");
+                for (const auto& variant : item.second) contents.variants.push_back(grid(variant));
+            } else {
+                const std::vector<std::string> sections = {"agent", "config", "set", "grid", "variants"};
+                const auto guess = nearest(section, sections);
+                fail(item.first,
+                     fmt::format("unknown key '{}'; {}", section,
+                                 guess.empty() ? fmt::format("there are {}", fmt::join(sections, ", "))
+                                               : fmt::format("did you mean '{}'?", guess)));
+            }
+        }
+        for (auto& variant : contents.variants) {
+            for (const auto& axis : variant) {
+                if (find(contents.grid, axis.key) != nullptr)
+                    throw ConfigError(
+                        fmt::format("{}: '{}' is in 'grid' and in 'variants'; leave it in one of them",
+                                    file_.string(), axis.key));
+            }
+        }
+        return contents;
+    }
+
+  private:
+    [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const { fail(node.Mark(), what); }
+    [[noreturn]] void fail(const YAML::Mark& mark, const std::string& what) const {
+        if (mark.is_null()) throw ConfigError(fmt::format("{}: {}", file_.string(), what));
+        throw ConfigError(fmt::format("{}:{}:{}: {}", file_.string(), mark.line + 1, mark.column + 1, what));
+    }
+
+    YAML::Node parse() const {
+        std::string text;
+        try {
+            text = read_file(file_);
+        } catch (const std::system_error& error) {
+            throw ConfigError(
+                fmt::format("cannot read '{}': {}{}", file_.string(), error.code().message(), others()));
+        }
+        try {
+            return YAML::Load(text);
+        } catch (const YAML::Exception& error) {
+            fail(error.mark, "not valid YAML: " + error.msg);
+        }
+    }
+
+    /// "; 'sweeps' has encoders.yaml, smoke.yaml" beside a file that is missing.
+    std::string others() const {
+        const auto folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
+        std::vector<std::string> names;
+        std::error_code ignored;
+        for (const auto& item : fs::directory_iterator(folder, ignored)) {
+            if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
+        }
+        std::sort(names.begin(), names.end());
+        return names.empty() ? "" : fmt::format("; '{}' has {}", folder.string(), fmt::join(names, ", "));
+    }
+
+    void check_map(const YAML::Node& node, const std::string& expected) const {
+        if (!node.IsMap()) fail(node, expected);
+        std::map<std::string, int> seen;
+        for (const auto& item : node) {
+            const auto [found, is_new] = seen.emplace(word(item.first), item.first.Mark().line + 1);
+            if (!is_new)
+                fail(item.first, fmt::format("'{}' is there a second time; line {} has the first",
+                                             found->first, found->second));
+        }
+    }
+
+    std::string word(const YAML::Node& node) const {
+        if (!node.IsScalar()) fail(node, "expected a single word or number");
+        return node.Scalar();
+    }
+
+    Grid grid(const YAML::Node& node) const {
+        check_map(node, "expected keys with their values, one per line: 'env.game: [pong, breakout]'");
+        Grid axes;
+        for (const auto& item : node) {
+            const auto key = word(item.first);
+            if (!is_key(key)) fail(item.first, no_key(key));
+            std::vector<std::string> texts;
+            if (item.second.IsSequence()) {
+                for (const auto& value : item.second) texts.push_back(word(value));
+            } else {
+                texts.push_back(word(item.second));
+            }
+            if (texts.empty()) fail(item.second, fmt::format("'{}' has no values", key));
+            try {
+                axes.push_back({key, expand(key, texts)});
+            } catch (const ConfigError& error) {
+                fail(item.second, error.what());
+            }
+        }
+        return axes;
+    }
+
+    fs::path file_;
+};
+
+// ---- the command line ---------------------------------------------------------------
+
+void override_key(Contents& contents, const std::string& text) {
+    const auto equals = text.find('=');
+    const auto key = text.substr(0, equals);
+    if (equals == std::string::npos)
+        throw ConfigError(fmt::format("'{}': expected KEY=VALUE, such as env.game=pong,breakout", text));
+    if (!is_key(key)) throw ConfigError(no_key(key));
+    Axis axis{key, split(text.substr(equals + 1), ',')};
+    try {
+        axis.values = expand(key, axis.values);
+    } catch (const ConfigError& error) {
+        throw ConfigError(fmt::format("{}: {}", text, error.what()));
+    }
+    if (key == "config") {
+        for (auto& value : axis.values) value = fs::absolute(value).string();
+    }
+
+    bool varies = false;
+    const auto replace = [&](Grid& grid) {
+        if (auto* found = find(grid, key)) {
+            *found = axis;
+            varies = true;
+        }
+    };
+    replace(contents.grid);
+    for (auto& variant : contents.variants) replace(variant);
+    if (varies) return;
+    if (axis.values.size() > 1) {
+        contents.grid.push_back(axis);
+    } else if (auto* found = find(contents.common, key)) {
+        *found = axis;
+    } else {
+        contents.common.push_back(axis);
+    }
+}
+
+// ---- the runs -----------------------------------------------------------------------
+
+std::string last_part(const std::string& key) {
+    return key.substr(key.find('.') + 1);
+}
+
+/// For names of folders: "encoder", or "eval.noop_max" where another key is called noop_max, too.
+std::map<std::string, std::string> short_keys(const Contents& contents) {
+    std::map<std::string, std::string> keys;
+    for (const auto& axis : contents.grid) keys[axis.key] = last_part(axis.key);
+    for (const auto& variant : contents.variants) {
+        for (const auto& axis : variant) keys[axis.key] = last_part(axis.key);
+    }
+    for (auto& [key, text] : keys) {
+        const auto same = [&](const auto& other) { return last_part(other.first) == last_part(key); };
+        if (std::count_if(keys.begin(), keys.end(), same) > 1) text = key;
+    }
+    return keys;
+}
+
+/// Fit for the name of a folder, and free of the wildcards of --only.
+std::string file_name(std::string_view text) {
+    std::string result;
+    for (const char c : text) {
+        const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+        result += plain || std::string_view("._+-").find(c) != std::string_view::npos ? c : '-';
+    }
+    return result;
+}
+
+class RunMaker {
+  public:
+    RunMaker(const fs::path& file, const Contents& contents)
+        : file_(file), contents_(contents), short_keys_(short_keys(contents)) {}
+
+    SweepRun make(const std::vector<Setting>& varying) const {
+        SweepRun run;
+        std::string agent, config, seed, middle;
+        const auto take = [&](const std::string& key, const std::string& value) {
+            if (key == "agent") {
+                agent = value;
+            } else if (key == "config") {
+                config = value;
+            } else {
+                run.settings.push_back({key, value});
+            }
+        };
+        for (const auto& axis : contents_.common) {
+            const auto same = [&](const Setting& setting) { return setting.key == axis.key; };
+            if (std::none_of(varying.begin(), varying.end(), same)) take(axis.key, axis.values.front());
+        }
+        for (const auto& [key, value] : varying) {
+            take(key, value);
+            if (key == "agent" || key == "env.game" || key == "train.seed") continue;
+            const auto shown = key == "config" ? fs::path(value).stem().string() : value;
+            middle += fmt::format("__{}={}", file_name(short_keys_.at(key)), file_name(shown));
+        }
+        for (const auto& [key, value] : run.settings) {
+            if (key == "env.game") run.game = find_game(value).name;
+            if (key == "train.seed") seed = value;
+        }
+        if (agent.empty()) missing("agent", "agent: sac");
+        if (run.game.empty()) missing("env.game", "env.game: [pong, breakout]");
+        if (seed.empty()) missing("train.seed", "train.seed: 1..5");
+        run.agent = agent;
+        if (!config.empty()) {
+            if (const auto at = config.find("{agent}"); at != std::string::npos) config.replace(at, 7, agent);
+            run.config = (fs::absolute(file_).parent_path() / config).lexically_normal();
+        }
+        run.name = fmt::format("{}__{}{}__{}", run.game, file_name(agent), middle, file_name(seed));
+        return run;
+    }
+
+  private:
+    [[noreturn]] void missing(std::string_view key, std::string_view example) const {
+        throw ConfigError(fmt::format("{}: {} is missing; add '{}'", file_.string(), key, example));
+    }
+
+    const fs::path& file_;
+    const Contents& contents_;
+    std::map<std::string, std::string> short_keys_;
+};
+
+}  // namespace
+
+Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
+    auto contents = Reader(file).read();
+    for (const auto& text : overrides) override_key(contents, text);
+
+    Sweep sweep{.name = file.stem().string(), .runs = {}};
+    const RunMaker maker(file, contents);
+    std::map<std::string, std::size_t> seen;
+    for (const auto& varying : combinations(contents.grid, contents.variants)) {
+        auto run = maker.make(varying);
+        const auto [found, is_new] = seen.emplace(run.name, sweep.runs.size());
+        if (is_new) {
+            sweep.runs.push_back(std::move(run));
+            continue;
+        }
+        // Variants may overlap.
+        const auto& other = sweep.runs[found->second];
+        if (other.settings != run.settings || other.config != run.config) {
+            throw ConfigError(
+                fmt::format("{}: two different runs would be called {}; give them values that "
+                            "can be told apart",
+                            file.string(), run.name));
+        }
+    }
+    return sweep;
+}
+
+}  // namespace cale

@@ -1,0 +1,59 @@
+// A sweep file: which runs a comparison consists of.
+//
+//     agent: sac
+//     config: ../configs/{agent}/atari100k.yaml   # relative to this file
+//     set:                                        # what all runs have
+//       eval.episodes: 20
+//     grid:                                       # every combination is a run
+//       train.seed: 1..5
+//       env.game: atari100k
+//       agent.encoder: [phi_sac, phi_dqn]
+//     variants:                                   # or a list of grids, each combined with `grid`
+//       - agent.exploration: standard
+//       - agent.exploration: epsilon_greedy
+//         agent.epsilon_train: [0.01, 0.1]
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace cale {
+
+/// One setting of a run: "agent.encoder" and "phi_sac".
+struct Setting {
+    std::string key;
+    std::string value;
+    bool operator==(const Setting&) const = default;
+};
+
+/// One run of a sweep.
+struct SweepRun {
+    std::string name;               // of its folder: "Breakout__sac__encoder=phi_sac__1"
+    std::string agent;              // "sac": trained by train_sac
+    std::filesystem::path config;   // for --config; empty: the program's defaults
+    std::string game;               // "Breakout"
+    std::vector<Setting> settings;  // what differs from `config`, env.game and train.seed among it
+};
+
+struct Sweep {
+    std::string name;  // of the file, without its ending
+    std::vector<SweepRun> runs;
+};
+
+/// Reads a sweep file and lists its runs, the first key of `grid` varying slowest and the variants fastest.
+///
+/// Keys are `agent`, `config` and any setting. Values are one or a list; 1..5 stands for five of them, and
+/// for env.game atari100k, paper_ten and all for the games of Atari 100k, the ten whose curves the paper
+/// shows, and the sixty. A variant's value goes before `grid`, that before `set`, `agent` and `config`.
+///
+/// `overrides` are KEY=VALUE[,VALUE...] of a command line; they replace the values of that key wherever the
+/// file has it, or add it. A `config` among them is relative to the current folder.
+///
+/// A run's name has game and agent first, every key of `grid` and `variants` between, and the seed last.
+/// Throws ConfigError, "file:line:column: what is wrong", where the file cannot be read, a key or game is
+/// unknown, or two runs would share a folder. Settings are the training programs' to check (see plan()).
+Sweep read_sweep(const std::filesystem::path& file, std::span<const std::string> overrides = {});
+
+}  // namespace cale

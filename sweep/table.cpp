@@ -1,0 +1,81 @@
+#include "sweep/table.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "experiment/console.h"
+
+namespace cale {
+namespace {
+
+constexpr std::size_t kNarrowestName = 16;
+/// state, step, steps/s, return and ETA with the spaces before them
+constexpr std::size_t kOtherColumns = 2 + 11 + 2 + 21 + 2 + 9 + 2 + 9 + 2 + 9;
+
+/// "Breakout__sac__enco...=standard__1"
+std::string shortened(const std::string& text, std::size_t width) {
+    if (text.size() <= width) return text;
+    const auto end = (width - 3) / 2;
+    return text.substr(0, width - 3 - end) + "..." + text.substr(text.size() - end);
+}
+
+double seconds_left(const RunRow& row) {
+    const auto left = static_cast<double>(row.total_steps - row.status.step);
+    return row.status.steps_per_second > 0 ? left / row.status.steps_per_second
+                                           : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+std::string summary(std::span<const RunRow> rows) {
+    std::map<std::string, int> counts;
+    double speed = 0, steps_left = 0;
+    for (const auto& row : rows) {
+        ++counts[row.state];
+        if (row.status.state == RunState::running) speed += row.status.steps_per_second;
+        if (row.status.state != RunState::finished && row.status.state != RunState::failed)
+            steps_left += static_cast<double>(row.total_steps - row.status.step);
+    }
+    auto text = fmt::format("{} run{}:", rows.size(), rows.size() == 1 ? "" : "s");
+    const char* comma = "";
+    const auto add = [&](std::string_view state, int count) {
+        text += fmt::format("{} {} {}", comma, count, state);
+        comma = ",";
+    };
+    for (const auto state : {RunState::finished, RunState::failed, RunState::running, RunState::interrupted,
+                             RunState::waiting}) {
+        if (const auto found = counts.extract(std::string(name_of(state)))) add(found.key(), found.mapped());
+    }
+    for (const auto& [state, count] : counts) add(state, count);  // a batch system's own
+    if (speed > 0)
+        text += fmt::format("  |  {:.0f} steps/s, ETA {}", speed, duration_text(steps_left / speed));
+    return text;
+}
+
+std::string table(std::span<const RunRow> rows, std::size_t width) {
+    std::size_t widest = kNarrowestName;
+    for (const auto& row : rows) widest = std::max(widest, row.name.size());
+    const auto room = width > kOtherColumns + kNarrowestName ? width - kOtherColumns : kNarrowestName;
+    const auto column = std::min(widest, room);
+    std::string text = fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", "run", column, "state",
+                                   "step", "steps/s", "return", "ETA");
+    for (const auto& row : rows) {
+        const bool running = row.status.state == RunState::running;
+        text += fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", shortened(row.name, column),
+                            column, row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
+                            running && row.status.steps_per_second > 0
+                                ? fmt::format("{:.1f}", row.status.steps_per_second)
+                                : "-",
+                            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
+                            running ? duration_text(seconds_left(row)) : "-");
+        if (!row.status.message.empty() && row.status.state == RunState::failed)
+            text += shortened("  " + row.status.message, width) + "\n";
+    }
+    return text;
+}
+
+}  // namespace cale

@@ -1,0 +1,88 @@
+#include "fake_program.h"
+
+#include <fmt/format.h>
+
+namespace test {
+namespace {
+
+constexpr const char* kProgram = R"sh(#!/bin/bash
+here=$(dirname "$0")
+mode=fast size=1 steps=100 rom_dir= resume= print=
+while [ $# -gt 0 ]; do
+    case $1 in
+        --print-config) print=1 ;;
+        --resume) resume=1 ;;
+        --no-progress) ;;
+        --run-dir) dir=$2; shift ;;
+        --threads | --device | --config) shift ;;
+        agent.mode=*) mode=${1#*=} ;;
+        agent.size=*) size=${1#*=} ;;
+        agent.replay_capacity=*) ;;
+        train.total_steps=*) steps=${1#*=} ;;
+        env.rom_dir=*) rom_dir=${1#*=} ;;
+        env.game=* | train.seed=*) ;;
+        *) echo "train_fake: --set $1: unknown key '${1%%=*}'" >&2; exit 2 ;;
+    esac
+    shift
+done
+if [ "$size" = huge ]; then echo "train_fake: agent.size must be a number, not 'huge'" >&2; exit 2; fi
+if [ -n "$print" ]; then
+    printf 'env:\n  rom_dir: "%s"\nagent:\n  replay_capacity: 1000000\n' "$rom_dir"
+    printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\n' "$steps"
+    exit
+fi
+checkpoint() { mkdir -p "$dir/checkpoints/step_000000$1"; }
+finish() {
+    printf 'global_step,seconds,steps_per_second,charts/avg_episodic_return\n100,1,50,7.5\n' >"$dir/progress.csv"
+    checkpoint 100
+    exit 0
+}
+if [ -n "$resume" ]; then echo resumed; else echo "started with $(ls "$dir" | tr '\n' ' ')"; fi
+echo "settings" >"$dir/config.yaml"
+case $mode in
+    fast) finish ;;
+    slow)
+        trap 'checkpoint 050; echo "Interrupted"; exit 130' INT TERM
+        while [ ! -e "$here/go" ]; do sleep 0.02; done
+        finish ;;
+    fail_once)
+        [ -n "$resume" ] && finish
+        checkpoint 050; echo "it broke"; exit 1 ;;
+    fail) echo "it breaks always"; exit 1 ;;
+    unresumable) echo "another configuration"; exit 3 ;;
+    killed_once)
+        [ -e "$here/killed" ] && finish
+        touch "$here/killed"; kill -9 $$ ;;
+esac
+)sh";
+
+}  // namespace
+
+FakeProgram::FakeProgram() {
+    write_script("train_fake", kProgram);
+    write("roms/pong.bin", "");
+}
+
+std::vector<cale::PlannedRun> FakeProgram::runs(const std::vector<std::string>& modes) const {
+    std::vector<cale::PlannedRun> runs;
+    for (std::size_t i = 0; i < modes.size(); ++i) {
+        runs.push_back({.run = {.name = fmt::format("{}_{}", modes[i], i),
+                                .agent = "fake",
+                                .config = {},
+                                .game = "Pong",
+                                .settings = {{"agent.mode", modes[i]}}},
+                        .program = path() / "train_fake",
+                        .total_steps = 100,
+                        .evaluates = false,
+                        .memory = 1});
+    }
+    return runs;
+}
+
+std::filesystem::path FakeProgram::write_script(const std::string& name, const std::string& text) const {
+    const auto file = write(name, text);
+    std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+    return file;
+}
+
+}  // namespace test

@@ -1,0 +1,158 @@
+// Several runs at once that succeed, fail, are slow, and are killed; and sweeps that are killed.
+#include "sweep/local_runner.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "fake_program.h"
+#include "sweep/run_folder.h"
+
+namespace cale {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+class LocalSweep : public testing::Test {
+  protected:
+    int run(const std::vector<PlannedRun>& runs, std::size_t at_once = 2, int retries = 1,
+            const std::string& said = "said") {
+        const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(
+            std::fopen((fake_.path() / said).c_str(), "w"), &std::fclose);
+        const Slots slots{.slots = std::vector<Slot>(at_once), .reason = ""};
+        return run_locally(runs, fake_.sweep(), slots, {.retries = retries, .out = out.get()});
+    }
+    /// The sweep as a process of its own.
+    pid_t start(const std::vector<PlannedRun>& runs, const std::string& said = "said") {
+        const pid_t sweep = ::fork();
+        if (sweep == 0) {
+            ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that fails leaves nothing behind
+            ::_exit(run(runs, 2, 1, said));
+        }
+        return sweep;
+    }
+    static int exit_code_of(pid_t process) {
+        int status = 0;
+        ::waitpid(process, &status, 0);
+        return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+    }
+    RunState state(const std::string& run) { return status_of(fake_.sweep() / run, 100, false).state; }
+    bool says(const std::string& run, const std::string& words) {
+        return fake_.output(run).find(words) != std::string::npos;
+    }
+    std::string said(const std::string& name = "said") {
+        std::ifstream in(fake_.path() / name);
+        return {std::istreambuf_iterator<char>(in), {}};
+    }
+
+    test::FakeProgram fake_;
+};
+
+TEST_F(LocalSweep, TrainsAllRunsOnce) {
+    const auto runs = fake_.runs({"fast", "fast", "fast"});
+    EXPECT_EQ(run(runs), 0);
+    for (const std::string name : {"fast_0", "fast_1", "fast_2"}) {
+        EXPECT_EQ(state(name), RunState::finished);
+        EXPECT_EQ(fake_.output(name), "started with output.log \n");
+    }
+    EXPECT_THAT(said(), HasSubstr("[3/3] finished   "));
+    EXPECT_THAT(said(), HasSubstr(", return 7.5\n"));
+    EXPECT_THAT(said(), HasSubstr("3 runs: 3 finished\n"));
+
+    EXPECT_EQ(run(runs), 0);
+    EXPECT_EQ(fake_.output("fast_0"), "started with output.log \n") << "a finished run is left alone";
+}
+
+TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
+    EXPECT_EQ(run(fake_.runs({"fail", "fail_once", "unresumable", "fast"})), 1);
+    EXPECT_EQ(state("fail_0"), RunState::failed);
+    EXPECT_EQ(state("fail_once_1"), RunState::finished);
+    EXPECT_EQ(state("unresumable_2"), RunState::failed);
+    EXPECT_EQ(state("fast_3"), RunState::finished);
+    EXPECT_EQ(fake_.output("fail_0"),
+              "started with output.log \nit breaks always\n"
+              "started with output.log \nit breaks always\n")
+        << "once more, from the beginning for want of a checkpoint";
+    EXPECT_TRUE(says("fail_once_1", "it broke\nresumed\n"));
+    EXPECT_EQ(fake_.output("unresumable_2"), "started with output.log \nanother configuration\n")
+        << "another try would end likewise";
+    EXPECT_EQ(status_of(fake_.sweep() / "fail_0", 100, false).message, "exit code 1: it breaks always");
+    EXPECT_THAT(said(), HasSubstr("FAILED     fail_0  exit code 1: it breaks always\n"));
+    EXPECT_THAT(said(), HasSubstr("4 runs: 2 finished, 2 failed\n"));
+}
+
+TEST_F(LocalSweep, ARunThatIsKilledStartsAgain) {
+    EXPECT_EQ(run(fake_.runs({"killed_once"})), 0);
+    EXPECT_THAT(said(), HasSubstr("killed by signal 9 (Killed); it is tried again (1 of 1)"));
+}
+
+TEST_F(LocalSweep, AProgramThatCannotBeStartedIsAFailure) {
+    auto runs = fake_.runs({"fast"});
+    runs[0].program = fake_.path() / "train_nothing";
+    EXPECT_EQ(run(runs, 1, 0), 1);
+    EXPECT_THAT(said(), HasSubstr("the program could not be started"));
+}
+
+TEST_F(LocalSweep, AnInterruptLeavesCheckpointsToGoOnFrom) {
+    const auto runs = fake_.runs({"slow", "slow", "slow"});
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+        const auto sweep = start(runs);
+        ASSERT_TRUE(test::wait_until([&] {
+            return state("slow_0") == RunState::running && state("slow_1") == RunState::running &&
+                   says("slow_0", "started") && says("slow_1", "started");
+        }));
+        ::usleep(100'000);  // the scripts' traps
+        ::kill(sweep, signal);
+        EXPECT_EQ(exit_code_of(sweep), 130);
+        EXPECT_EQ(state("slow_0"), RunState::interrupted);
+        EXPECT_EQ(state("slow_1"), RunState::interrupted);
+        EXPECT_EQ(state("slow_2"), RunState::waiting) << "nothing is started on the way out";
+    }
+    fake_.go();
+    EXPECT_EQ(run(runs), 0);
+    EXPECT_TRUE(says("slow_0", "Interrupted\nresumed\n"));
+}
+
+TEST_F(LocalSweep, KilledItselfItTakesItsRunsWithItAndTheNextGoesOn) {
+    const auto runs = fake_.runs({"slow", "fast"});
+    const auto sweep = start(runs);
+    ASSERT_TRUE(
+        test::wait_until([&] { return says("slow_0", "started") && state("fast_1") == RunState::finished; }));
+    ::usleep(100'000);
+    ::kill(sweep, SIGKILL);
+    EXPECT_EQ(exit_code_of(sweep), -SIGKILL);
+    EXPECT_TRUE(test::wait_until([&] { return state("slow_0") == RunState::interrupted; }))
+        << "the run got its own signal, and wrote a checkpoint";
+    fake_.go();
+    EXPECT_EQ(run(runs), 0);
+    EXPECT_TRUE(says("slow_0", "Interrupted\nresumed\n"));
+    EXPECT_EQ(fake_.output("fast_1"), "started with output.log \n");
+}
+
+TEST_F(LocalSweep, ARunOfAnotherSweepIsWaitedFor) {
+    const auto runs = fake_.runs({"slow"});
+    const auto first = start(runs);
+    ASSERT_TRUE(test::wait_until([&] { return says("slow_0", "started"); }));
+    const auto second = start(runs, "said by the second");
+    ASSERT_TRUE(test::wait_until(
+        [&] { return said("said by the second").find("another process is at work") != std::string::npos; }));
+    fake_.go();
+    EXPECT_EQ(exit_code_of(first), 0);
+    EXPECT_EQ(exit_code_of(second), 0);
+    EXPECT_EQ(fake_.output("slow_0"), "started with output.log \n") << "it ran once";
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,73 @@
+// What is asked of the training programs before anything is started.
+#include "sweep/plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "experiment/config.h"
+#include "fake_program.h"
+#include "sweep/shell.h"
+
+namespace cale {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class SweepPlan : public testing::Test {
+  protected:
+    std::vector<PlannedRun> plan_of(const std::string& grid, const std::string& agent = "fake") {
+        const auto file = fake_.write(
+            "mine.yaml", "agent: " + agent + "\nset: {env.rom_dir: " + (fake_.path() / "roms").string() +
+                             "}\ngrid: {train.seed: 1, env.game: pong" + grid + "}\n");
+        return plan(read_sweep(file), fake_.path());
+    }
+    std::string mistake(const std::string& grid, const std::string& agent = "fake") {
+        return test::error_of<ConfigError>([&] { plan_of(grid, agent); });
+    }
+    test::FakeProgram fake_;
+};
+
+TEST_F(SweepPlan, TheProgramResolvesEveryRun) {
+    const auto runs = plan_of(", train.total_steps: [100, 2000000]");
+    ASSERT_EQ(runs.size(), 2u);
+    EXPECT_EQ(runs[0].program, fake_.path() / "train_fake");
+    EXPECT_EQ(runs[0].total_steps, 100);
+    EXPECT_EQ(runs[1].total_steps, 2'000'000);
+    EXPECT_FALSE(runs[0].evaluates);
+    EXPECT_LT(runs[0].memory, 2e9) << "a short run never fills its replay";
+    EXPECT_GT(runs[1].memory, 7e9) << "a million frames";
+    EXPECT_EQ(largest_memory(runs), runs[1].memory);
+}
+
+TEST_F(SweepPlan, WhatTheProgramRefusesIsSaidBeforeAnythingStarts) {
+    EXPECT_THAT(mistake(", agent.typo: 3"),
+                HasSubstr("mine: train_fake: --set agent.typo=3: unknown key 'agent.typo'"));
+    EXPECT_THAT(mistake(", agent.size: [1, huge]"), HasSubstr("agent.size must be a number, not 'huge'"));
+    EXPECT_THAT(mistake("", "fkae"), HasSubstr("agent 'fkae': there is no program train_fkae in"));
+    EXPECT_THAT(mistake("", "fkae"), HasSubstr("did you mean 'fake'?"));
+    EXPECT_THAT(mistake(", env.rom_dir: /nowhere"), HasSubstr("env.game: "));
+    EXPECT_THAT(mistake(", env.rom_dir: /nowhere"), HasSubstr("/nowhere"));
+}
+
+TEST_F(SweepPlan, ARunIsACommand) {
+    auto runs = fake_.runs({"fast"});
+    runs[0].run.config = "/configs/a b.yaml";
+    const RunPlace place{.folder = "/runs/x", .threads = 2, .device = "cuda:1"};
+    EXPECT_EQ(shell_text(command_of(runs[0], place, /*resume=*/true)),
+              runs[0].program.string() +
+                  " --config '/configs/a b.yaml' agent.mode=fast --run-dir /runs/x --threads 2 "
+                  "--device cuda:1 --no-progress --resume");
+    EXPECT_THAT(command_of(runs[0], place, /*resume=*/false), testing::Not(testing::Contains("--resume")));
+}
+
+TEST(Shell, ReadsTheSameArguments) {
+    const std::vector<std::string> odd = {"a b", "it's", "", "$HOME", "*", "x=1"};
+    EXPECT_EQ(answer_of("printf '[%s]' " + shell_text(odd)).text, "[a b][it's][][$HOME][*][x=1]");
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,110 @@
+// Where a run stands, from its folder alone; and who may run it.
+#include "sweep/run_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <filesystem>
+#include <string>
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "fake_program.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RunFolder : public testing::Test {
+  protected:
+    RunStatus status(bool evaluates = true) { return status_of(folder_.path() / "run", 100, evaluates); }
+    RunState state(bool evaluates = true) { return status(evaluates).state; }
+    void checkpoint(const std::string& step) {
+        fs::create_directories(folder_ / ("run/checkpoints/step_" + step));
+    }
+
+    test::TemporaryFolder folder_;
+};
+
+TEST_F(RunFolder, SaysHowFarTheRunIs) {
+    EXPECT_EQ(state(), RunState::waiting);
+    folder_.write("run/config.yaml", "");
+    EXPECT_EQ(state(), RunState::waiting) << "no checkpoint yet: it will start again";
+    fs::create_directories(folder_ / "run/checkpoints/partial-step_000000100");
+    EXPECT_EQ(state(), RunState::waiting) << "a checkpoint under way is none";
+    checkpoint("000000050");
+    EXPECT_EQ(state(), RunState::interrupted);
+    EXPECT_EQ(status().step, 50);
+    checkpoint("000000104");
+    EXPECT_EQ(state(), RunState::interrupted) << "the evaluation at the end is missing";
+    EXPECT_EQ(state(/*evaluates=*/false), RunState::finished);
+    folder_.write("run/eval/step_000000050.csv", "");
+    EXPECT_EQ(state(), RunState::interrupted);
+    folder_.write("run/eval/step_000000104.csv", "");
+    EXPECT_EQ(state(), RunState::finished);
+    EXPECT_EQ(status().step, 104);
+}
+
+TEST_F(RunFolder, ShowsTheNewestWholeRow) {
+    folder_.write("run/progress.csv",
+                  "global_step,frame,seconds,steps_per_second,charts/avg_episodic_return,losses/q\n"
+                  "10,40,1,9,,0.5\n"
+                  "20,80,2,10.5,-3.25,0.4\n"
+                  "30,120,3,1");
+    EXPECT_EQ(status().step, 20);
+    EXPECT_EQ(status().steps_per_second, 10.5);
+    EXPECT_EQ(status().mean_return, -3.25);
+    folder_.write("run/progress.csv", "global_step,frame\n");
+    EXPECT_EQ(status().step, 0);
+    EXPECT_FALSE(status().mean_return);
+}
+
+TEST_F(RunFolder, RemembersWhyARunWasGivenUp) {
+    folder_.write("run/config.yaml", "");
+    remember_failure(folder_ / "run", "exit code 1: it broke");
+    EXPECT_EQ(state(), RunState::failed);
+    EXPECT_EQ(status().message, "exit code 1: it broke");
+    forget_failure(folder_ / "run");
+    EXPECT_EQ(state(), RunState::waiting);
+}
+
+TEST_F(RunFolder, AFreshStartKeepsWhatTheRunSaid) {
+    for (const std::string file : {"config.yaml", "episodes.csv", "eval/x.csv", "output.log", ".claim"})
+        folder_.write("run/" + file, "first\nlast\n\n");
+    prepare_for_start(folder_ / "run");
+    EXPECT_EQ(folder_.read("run/output.log"), "first\nlast\n\n");
+    EXPECT_TRUE(fs::exists(folder_ / "run/.claim"));
+    EXPECT_FALSE(fs::exists(folder_ / "run/episodes.csv"));
+    EXPECT_FALSE(fs::exists(folder_ / "run/eval"));
+    EXPECT_EQ(last_words(folder_ / "run"), "last");
+    EXPECT_EQ(last_words(folder_ / "none"), "");
+}
+
+TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {
+    const auto run = folder_.path() / "run";
+    fs::create_directories(run);
+    EXPECT_FALSE(RunClaim::is_taken(run));
+    pid_t child = 0;
+    {
+        const auto claim = RunClaim::take(run);
+        ASSERT_TRUE(claim);
+        EXPECT_FALSE(RunClaim::take(run)) << "one holder at a time";
+        child = ::fork();
+        if (child == 0) {
+            ::pause();
+            ::_exit(0);
+        }
+    }
+    EXPECT_TRUE(RunClaim::is_taken(run)) << "the parent let go, the child did not";
+    EXPECT_EQ(state(), RunState::running);
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    EXPECT_FALSE(RunClaim::is_taken(run)) << "the operating system took it back";
+    EXPECT_TRUE(RunClaim::take(run));
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,139 @@
+// `cale sweep` as its user meets it, and the sweeps that are shipped, with the real programs.
+#include "sweep/sweep.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "experiment/config.h"
+#include "experiment/files.h"
+#include "fake_program.h"
+#include "sweep/plan.h"
+#include "sweep/run_folder.h"
+#include "sweep/shell.h"
+#include "sweep/sweep_file.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class SweepCommand : public testing::Test {
+  protected:
+    SweepCommand() {
+        options_.file = fake_.write("mine.yaml", fmt::format("agent: fake\n"
+                                                             "set: {{env.rom_dir: {}/roms}}\n"
+                                                             "grid: {{train.seed: 1..2, env.game: pong}}\n",
+                                                             fake_.path().string()));
+        options_.folder = fake_.sweep();
+        options_.cale = fake_.path() / "cale";
+    }
+    std::string answer() {
+        const auto file = fake_.path() / "answer";
+        std::FILE* out = std::fopen(file.c_str(), "w");
+        code_ = run_sweep(options_, out);
+        std::fclose(out);
+        return read_file(file);
+    }
+    test::FakeProgram fake_;
+    SweepOptions options_;
+    int code_ = -1;
+};
+
+TEST_F(SweepCommand, TrainsAndShowsHowItStands) {
+    options_.only = {"*__2"};
+    EXPECT_EQ(answer(), "");
+    EXPECT_EQ(code_, 0);
+    options_.only = {};
+    options_.task = SweepTask::show_status;
+    EXPECT_THAT(answer(), HasSubstr("Pong__fake__1     waiting"));
+    EXPECT_THAT(answer(), HasSubstr("Pong__fake__2     finished"));
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 1 finished, 1 waiting\n"));
+}
+
+TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
+    options_.task = SweepTask::show_commands;
+    const auto text = answer();
+    EXPECT_THAT(
+        text, HasSubstr(fmt::format("{}/train_fake env.rom_dir={}/roms train.seed=1 env.game=pong --run-dir "
+                                    "{}/Pong__fake__1 --threads 1 --device cpu --no-progress\n",
+                                    fake_.path().string(), fake_.path().string(), fake_.sweep().string())));
+    EXPECT_FALSE(fs::exists(fake_.sweep()));
+    fs::create_directories(fake_.sweep() / "Pong__fake__1/checkpoints/step_000000050");
+    fs::create_directories(fake_.sweep() / "Pong__fake__2/checkpoints/step_000000100");
+    EXPECT_THAT(answer(), HasSubstr("--resume\n# finished: Pong__fake__2\n"));
+
+    options_.launcher = Launcher::slurm;
+    options_.sbatch_options = {"--time=1:00:00"};
+    EXPECT_THAT(answer(), HasSubstr("#SBATCH --time=1:00:00\n"));
+    EXPECT_THAT(answer(), HasSubstr("mine.yaml --dir " + fake_.sweep().string() +
+                                    " --jobs 1 --threads 1 --retries 2 "));
+}
+
+TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
+    options_.only = {"Ping*"};
+    EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
+                HasSubstr("--only Ping*: no run has such a name; one is called Pong__fake__1"));
+    options_.only = {};
+    options_.overrides = {"agent.typo=1"};
+    EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }), HasSubstr("unknown key 'agent.typo'"));
+    EXPECT_FALSE(fs::exists(fake_.sweep()));
+}
+
+std::vector<fs::path> shipped_sweeps() {
+    std::vector<fs::path> found;
+    for (const auto& entry : fs::directory_iterator(CALE_SOURCE_DIR "/sweeps")) found.push_back(entry.path());
+    std::sort(found.begin(), found.end());
+    return found;
+}
+
+class ShippedSweepEmulator : public testing::TestWithParam<fs::path> {};
+
+TEST_P(ShippedSweepEmulator, IsAcceptedByItsProgramsAndHasAsManyRunsAsItSays) {
+    const auto sweep = read_sweep(GetParam());
+    const auto runs = plan(sweep, CALE_BINARY_DIR);
+    auto text = read_file(GetParam());
+    std::erase(text, ',');
+    EXPECT_THAT(text, HasSubstr(fmt::format("{} runs", runs.size())));
+    for (const auto& run : runs) EXPECT_TRUE(run.evaluates) << run.run.name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, ShippedSweepEmulator, testing::ValuesIn(shipped_sweeps()),
+                         [](const auto& chosen) { return chosen.param.stem().string(); });
+
+/// What does not depend on the clock in a run's folder.
+std::string results_of(const fs::path& run) {
+    return read_file(run / "episodes.csv") + read_file(run / "eval/step_000000120.csv") +
+           read_file(run / "checkpoints/step_000000120/agent.safetensors");
+}
+
+TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
+    const test::TemporaryFolder folder;
+    const auto command = [&](const std::string& name) {
+        return fmt::format(
+            "{}/cale sweep {}/sweeps/smoke.yaml --dir {} --jobs 1 env.game=pong train.seed=1 "
+            "agent.encoder=phi_dqn train.total_steps=120 train.checkpoint_every=40 "
+            "env.max_frames_per_episode=200 eval.episodes=1 >> {} 2>&1",
+            CALE_BINARY_DIR, CALE_SOURCE_DIR, (folder / name).string(), (folder / "said").string());
+    };
+    ASSERT_EQ(answer_of(command("whole")).status, 0) << folder.read("said");
+    // Whatever is under way after these times: planning, a run, its start, its checkpoint.
+    for (const double seconds : {0.7, 1.4, 2.1})
+        answer_of(fmt::format("timeout -s KILL {} {}", seconds, command("killed")));
+    ASSERT_EQ(answer_of(command("killed")).status, 0) << folder.read("said");
+    for (const std::string run : {"Pong__sac__encoder=phi_dqn__exploration=standard__1",
+                                  "Pong__sac__encoder=phi_dqn__exploration=epsilon_greedy__1"}) {
+        EXPECT_TRUE(results_of(folder / "killed" / run) == results_of(folder / "whole" / run)) << run;
+    }
+}
+
+}  // namespace
+}  // namespace cale

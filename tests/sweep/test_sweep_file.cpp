@@ -1,0 +1,178 @@
+// Sweep files: which runs they stand for, and what is said of mistakes.
+#include "sweep/sweep_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "experiment/config.h"
+#include "experiment/temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class SweepFile : public testing::Test {
+  protected:
+    Sweep read(const std::string& text, const std::vector<std::string>& overrides = {}) {
+        return read_sweep(folder_.write("mine.yaml", text), overrides);
+    }
+    std::vector<std::string> names(const std::string& text, const std::vector<std::string>& overrides = {}) {
+        std::vector<std::string> result;
+        for (const auto& run : read(text, overrides).runs) result.push_back(run.name);
+        return result;
+    }
+    std::string mistake(const std::string& text, const std::vector<std::string>& overrides = {}) {
+        return test::error_of<ConfigError>([&] { read(text, overrides); });
+    }
+
+    test::TemporaryFolder folder_;
+    const std::string small_ = "agent: sac\ngrid:\n  env.game: pong\n  train.seed: 1..2\n";
+};
+
+std::string value_of(const SweepRun& run, const std::string& key) {
+    const auto found = std::find_if(run.settings.begin(), run.settings.end(),
+                                    [&](const Setting& setting) { return setting.key == key; });
+    return found == run.settings.end() ? "" : found->value;
+}
+
+TEST_F(SweepFile, IsEveryCombinationTheFirstKeySlowest) {
+    EXPECT_THAT(names("agent: sac\n"
+                      "grid:\n"
+                      "  train.seed: 1..2\n"
+                      "  env.game: [pong, ALE/MsPacman-v5]\n"
+                      "  agent.encoder: [phi_sac, phi_dqn]\n"),
+                ElementsAre("Pong__sac__encoder=phi_sac__1", "Pong__sac__encoder=phi_dqn__1",
+                            "MsPacman__sac__encoder=phi_sac__1", "MsPacman__sac__encoder=phi_dqn__1",
+                            "Pong__sac__encoder=phi_sac__2", "Pong__sac__encoder=phi_dqn__2",
+                            "MsPacman__sac__encoder=phi_sac__2", "MsPacman__sac__encoder=phi_dqn__2"));
+}
+
+TEST_F(SweepFile, VariantsAreGridsOfTheirOwn) {
+    EXPECT_THAT(
+        names("grid:\n"
+              "  train.seed: [1, 7]\n"
+              "  env.game: pong\n"
+              "variants:\n"
+              "  - agent: sac\n"
+              "    agent.encoder: [phi_sac, phi_dqn]\n"
+              "  - agent: dqn\n"),
+        ElementsAre("Pong__sac__encoder=phi_sac__1", "Pong__sac__encoder=phi_dqn__1", "Pong__dqn__1",
+                    "Pong__sac__encoder=phi_sac__7", "Pong__sac__encoder=phi_dqn__7", "Pong__dqn__7"));
+}
+
+TEST_F(SweepFile, SetGoesToAllRunsAndTheGridGoesBefore) {
+    const auto sweep = read(
+        "agent: sac\n"
+        "set:\n"
+        "  train.total_steps: 1e5\n"
+        "  env.threshold: 0.9\n"
+        "grid: {train.seed: 3, env.game: ms_pacman, env.threshold: [0.1, 0.5]}\n");
+    ASSERT_EQ(sweep.runs.size(), 2u);
+    EXPECT_EQ(sweep.name, "mine");
+    EXPECT_EQ(sweep.runs[1].game, "MsPacman");
+    EXPECT_THAT(sweep.runs[1].settings,
+                ElementsAre(Setting{"train.total_steps", "1e5"}, Setting{"train.seed", "3"},
+                            Setting{"env.game", "ms_pacman"}, Setting{"env.threshold", "0.5"}));
+}
+
+TEST_F(SweepFile, ConfigurationsAreRelativeToTheFileAndMayNameTheAgent) {
+    const auto sweep = read(
+        "config: ../configs/{agent}/200m.yaml\n"
+        "grid: {train.seed: 1, env.game: pong, agent: [ppo, der]}\n");
+    EXPECT_EQ(sweep.runs[0].config, folder_.path().parent_path() / "configs/ppo/200m.yaml");
+    EXPECT_EQ(sweep.runs[1].config, folder_.path().parent_path() / "configs/der/200m.yaml");
+    EXPECT_EQ(sweep.runs[1].agent, "der");
+}
+
+TEST_F(SweepFile, GroupsOfGamesAreTheirGamesOnceEach) {
+    const auto games = [&](const std::string& value) {
+        std::set<std::string> result;
+        const auto runs = read("agent: sac\ngrid: {train.seed: 1, env.game: " + value + "}").runs;
+        for (const auto& run : runs) result.insert(run.game);
+        EXPECT_EQ(result.size(), runs.size()) << value;
+        return result;
+    };
+    EXPECT_EQ(games("all").size(), 60u);
+    EXPECT_EQ(games("atari100k").size(), 26u);
+    EXPECT_EQ(games("paper_ten").size(), 10u);
+    EXPECT_TRUE(games("paper_ten").contains("Centipede"));
+    EXPECT_EQ(games("[atari100k, Pong, Tennis]").size(), 27u);
+}
+
+TEST_F(SweepFile, TheCommandLineReplacesValuesAndAddsKeys) {
+    EXPECT_THAT(names(small_, {"env.game=breakout,pong", "train.seed=5", "agent.encoder=phi_sac,impala"}),
+                ElementsAre("Breakout__sac__encoder=phi_sac__5", "Breakout__sac__encoder=impala__5",
+                            "Pong__sac__encoder=phi_sac__5", "Pong__sac__encoder=impala__5"));
+    const auto sweep =
+        read(small_ + "set: {train.total_steps: 9}\n", {"train.total_steps=70", "log.every=8"});
+    EXPECT_EQ(sweep.runs[0].name, "Pong__sac__1") << "one value is no difference between the runs";
+    EXPECT_EQ(value_of(sweep.runs[0], "train.total_steps"), "70");
+    EXPECT_EQ(value_of(sweep.runs[0], "log.every"), "8");
+    EXPECT_EQ(read(small_, {"config=mine.yaml"}).runs[0].config, std::filesystem::absolute("mine.yaml"));
+}
+
+TEST_F(SweepFile, VariantsThatMeetAreOneRun) {
+    const std::string both =
+        "grid: {env.game: pong, train.seed: 1}\n"
+        "variants:\n"
+        "  - {agent: sac, agent.encoder: [phi_sac, phi_dqn]}\n"
+        "  - {agent: sac, agent.encoder: [phi_dqn, impala]}\n";
+    EXPECT_EQ(names(both).size(), 3u);
+}
+
+TEST_F(SweepFile, KeysOfTheSameNameKeepTheirSections) {
+    EXPECT_THAT(names("agent: sac\n"
+                      "grid: {train.seed: 1, env.game: pong, env.noop_max: 0, eval.noop_max: 29}\n"),
+                ElementsAre("Pong__sac__env.noop_max=0__eval.noop_max=29__1"));
+}
+
+TEST_F(SweepFile, NamesAreFoldersWhateverTheValues) {
+    EXPECT_THAT(names("agent: sac\n"
+                      "grid: {train.seed: 1, env.game: pong, env.rom_dir: '/my roms/*'}\n"),
+                ElementsAre("Pong__sac__rom_dir=-my-roms--__1"));
+}
+
+TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
+    EXPECT_THAT(mistake(small_ + "gird: {}\n"),
+                HasSubstr("mine.yaml:5:1: unknown key 'gird'; did you mean 'grid'?"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {game: pong}\n"), HasSubstr("mine.yaml:2:8: 'game' is no key"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pnog}\n"), HasSubstr("mine.yaml:2:18: "));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pnog}\n"), HasSubstr("pong"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 5..1}\n"), HasSubstr("the range 5..1 is empty"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 0..4000000000}\n"),
+                HasSubstr("more than 100000 values"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: all, train.seed: 1..5000}\n"),
+                HasSubstr("more than 100000 runs"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: []}\n"), HasSubstr("'env.game' has no values"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: {a: b}}\n"), HasSubstr("expected a single word"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: 5\n"), HasSubstr("expected keys with their values"));
+    EXPECT_THAT(mistake("- a\n"), HasSubstr("mine.yaml:1:1: a sweep file has 'grid:'"));
+    EXPECT_THAT(mistake(""), HasSubstr("a sweep file has 'grid:'"));
+    EXPECT_THAT(mistake("grid: [\n"), HasSubstr("not valid YAML"));
+    EXPECT_THAT(mistake("agent: sac\ngrid:\n  env.game: pong\n  env.game: pong\n"),
+                HasSubstr("mine.yaml:4:3: 'env.game' is there a second time; line 3 has the first"));
+    EXPECT_THAT(mistake(small_ + "set: {env.threshold: [0.1, 0.2]}\n"),
+                HasSubstr("what varies goes below 'grid:'"));
+    EXPECT_THAT(mistake(small_ + "variants: {agent: sac}\n"), HasSubstr("'variants' is a list"));
+    EXPECT_THAT(mistake(small_ + "variants: [{train.seed: 3}]\n"), HasSubstr("in 'grid' and in 'variants'"));
+    EXPECT_THAT(mistake("grid: {env.game: pong, train.seed: 1}\n"), HasSubstr("agent is missing"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 1}\n"), HasSubstr("env.game is missing"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong}\n"), HasSubstr("train.seed is missing"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.seed: 1, config: [a/x.yaml, b/x.yaml]}\n"),
+                HasSubstr("two different runs would be called Pong__sac__config=x__1"));
+    EXPECT_THAT(mistake(small_, {"env.game"}), HasSubstr("expected KEY=VALUE"));
+    EXPECT_THAT(mistake(small_, {"game=pong"}), HasSubstr("'game' is no key"));
+    EXPECT_THAT(mistake(small_, {"env.game=pong,pnog"}), HasSubstr("env.game=pong,pnog: "));
+    EXPECT_THAT(test::error_of<ConfigError>([&] { read_sweep(folder_ / "none.yaml"); }),
+                HasSubstr("none.yaml': No such file or directory; "));
+}
+
+}  // namespace
+}  // namespace cale

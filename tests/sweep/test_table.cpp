@@ -1,0 +1,65 @@
+// What a sweep shows of its runs.
+#include "sweep/table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace cale {
+namespace {
+
+RunRow row(const std::string& name, const RunStatus& status) {
+    return {.name = name, .state = std::string(name_of(status.state)), .status = status, .total_steps = 1000};
+}
+
+std::vector<RunRow> some_rows() {
+    return {row("Pong__sac__1", {.state = RunState::finished, .step = 1000, .mean_return = -20.5}),
+            row("Pong__sac__2", {.state = RunState::running, .step = 400, .steps_per_second = 20}),
+            row("Pong__sac__3", {.state = RunState::running, .step = 200, .steps_per_second = 30}),
+            row("Pong__sac__4", {.state = RunState::interrupted, .step = 500}),
+            row("Pong__sac__5", {.state = RunState::failed, .step = 100, .message = "exit code 1: it broke"}),
+            row("Pong__sac__6", {})};
+}
+
+TEST(SweepTable, SumsUpTheSweep) {
+    // 600 + 800 + 500 + 1000 steps are left, at 50 a second; the failed run takes none of them.
+    EXPECT_EQ(summary(some_rows()),
+              "6 runs: 1 finished, 1 failed, 2 running, 1 interrupted, 1 waiting  |  50 steps/s, ETA 0:58");
+    EXPECT_EQ(summary(std::vector<RunRow>{row("a", {.state = RunState::finished, .step = 1000})}),
+              "1 run: 1 finished");
+}
+
+TEST(SweepTable, ShowsABatchSystemsOwnStates) {
+    auto rows = some_rows();
+    rows[5].state = "pending";
+    EXPECT_THAT(summary(rows), testing::HasSubstr("1 interrupted, 1 pending"));
+    EXPECT_THAT(table(rows, 200), testing::HasSubstr("Pong__sac__6      pending"));
+}
+
+TEST(SweepTable, HasALineForEachRunAndWhyOneFailed) {
+    const auto text = table(some_rows(), 200);
+    EXPECT_THAT(text, testing::HasSubstr(
+                          "Pong__sac__1      finished                 1000/1000          -      -20.5"));
+    EXPECT_THAT(
+        text, testing::HasSubstr(
+                  "Pong__sac__3      running                   200/1000       30.0          -       0:27\n"));
+    EXPECT_THAT(text,
+                testing::HasSubstr("failed                    100/1000          -          -          -\n"
+                                   "  exit code 1: it broke\n"));
+}
+
+TEST(SweepTable, IsNoWiderThanTheTerminal) {
+    auto rows = some_rows();
+    rows[0].name = "SpaceInvaders__sac__encoder=phi_sac__exploration=epsilon_greedy__12345";
+    rows[4].status.message = std::string(500, 'x');
+    std::istringstream lines(table(rows, 100));
+    for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 100u) << line;
+    EXPECT_THAT(table(rows, 100), testing::HasSubstr("..._greedy__12345  ")) << "the seed tells runs apart";
+}
+
+}  // namespace
+}  // namespace cale
