@@ -3,69 +3,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <fstream>
-#include <iterator>
-#include <optional>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <string_view>
+
+#include "report/csv.h"
+#include "report/panel.h"
 
 namespace cale {
 namespace {
 
-constexpr Colour kInk{0x33, 0x3a, 0x45};
-constexpr Colour kFaintInk{0x78, 0x80, 0x8c};
-constexpr Colour kGrid{0xe6, 0xe9, 0xed};
 constexpr Colour kThin{0xa9, 0xc9, 0xea};
 constexpr Colour kBold{0x1b, 0x5f, 0xa8};
 constexpr Colour kReference{0xc2, 0x55, 0x2d};
 
 constexpr double kLeft = 70, kTop = 70, kRightEdge = 780, kBottom = 395;
 constexpr double kRoomForReferences = 100;
-
-std::vector<std::string_view> split(std::string_view line) {
-    std::vector<std::string_view> cells;
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    for (auto comma = line.find(','); comma != line.npos; comma = line.find(',')) {
-        cells.push_back(line.substr(0, comma));
-        line.remove_prefix(comma + 1);
-    }
-    cells.push_back(line);
-    return cells;
-}
-
-std::optional<std::size_t> column(const std::vector<std::string_view>& names, std::string_view name) {
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end()) return std::nullopt;
-    return static_cast<std::size_t>(found - names.begin());
-}
-
-std::optional<double> number(std::string_view text) {
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value))
-        return std::nullopt;
-    return value;
-}
-
-/// The value of "env_id" in the comment line. Game names need no escapes.
-std::string env_id_of(std::string_view comment) {
-    constexpr std::string_view key = "\"env_id\"";
-    auto start = comment.find(key);
-    if (start == comment.npos) return {};
-    start = comment.find('"', start + key.size());
-    if (start == comment.npos) return {};
-    const auto end = comment.find('"', start + 1);
-    return end == comment.npos ? std::string() : std::string(comment.substr(start + 1, end - start - 1));
-}
-
-/// 250000 -> "250k"
-std::string tick_text(double value) {
-    if (std::abs(value) >= 1e6) return fmt::format("{:g}M", value / 1e6);
-    if (std::abs(value) >= 1e4) return fmt::format("{:g}k", value / 1e3);
-    return fmt::format("{:g}", value);
-}
 
 /// At most four points per pixel column, which look the same as all of them.
 std::vector<Point> thinned(const std::vector<Point>& points) {
@@ -89,49 +42,34 @@ std::vector<Point> thinned(const std::vector<Point>& points) {
 }  // namespace
 
 EpisodeHistory read_episodes(const std::filesystem::path& path) {
-    std::ifstream file(path);
-    if (!file) throw std::runtime_error(fmt::format("cannot read the episodes in {}", path.string()));
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
-
-    EpisodeHistory history;
-    std::optional<std::size_t> return_column, step_column, length_column;
-    double steps = 0;
-    std::size_t line_number = 0, columns = 0;
-    for (std::size_t start = 0, end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
-        const auto line = std::string_view(text).substr(start, end - start);
-        ++line_number;
-        if (line.starts_with('#')) {
-            history.env_id = env_id_of(line);
-            continue;
-        }
-        const auto cells = split(line);
-        if (columns == 0) {
-            columns = cells.size();
-            return_column = column(cells, "r");
-            step_column = column(cells, "global_step");
-            length_column = column(cells, "l");
-            if (!return_column || (!step_column && !length_column)) {
-                throw std::runtime_error(
-                    fmt::format("{} is not an episodes.csv: line {} does not name the columns r "
-                                "and global_step",
-                                path.string(), line_number));
-            }
-            continue;
-        }
-        const auto value_of = [&](std::size_t index) {
-            const auto value = cells.size() == columns ? number(cells[index]) : std::nullopt;
-            if (!value) {
-                throw std::runtime_error(
-                    fmt::format("{} is damaged: line {} is '{}'", path.string(), line_number, line));
-            }
-            return *value;
-        };
-        steps = step_column ? value_of(*step_column) : steps + value_of(*length_column);
-        history.steps.push_back(steps);
-        history.returns.push_back(value_of(*return_column));
+    const auto table = read_csv(path);
+    const auto return_column = table.find("r");
+    const auto step_column = table.find("global_step");
+    const auto length_column = table.find("l");
+    if (!return_column || (!step_column && !length_column)) {
+        throw std::runtime_error(
+            fmt::format("{} is not an episodes.csv: its header does not name the columns r and global_step",
+                        path.string()));
     }
-    if (columns == 0)
-        throw std::runtime_error(fmt::format("{} has no header: it is empty or damaged", path.string()));
+    EpisodeHistory history;
+    const auto first_line = nlohmann::json::parse(table.comment, nullptr, false);
+    if (first_line.is_object()) {
+        const auto text = [&](const char* key) {
+            const auto found = first_line.find(key);
+            return found != first_line.end() && found->is_string() ? found->get<std::string>()
+                                                                   : std::string();
+        };
+        history.env_id = text("env_id");
+        history.agent = text("agent");
+        const auto seed = first_line.find("seed");
+        if (seed != first_line.end() && seed->is_number_unsigned()) history.seed = seed->get<std::uint64_t>();
+    }
+    double steps = 0;
+    for (std::size_t row = 0; row < table.rows.size(); ++row) {
+        steps = step_column ? table.number(row, *step_column) : steps + table.number(row, *length_column);
+        history.steps.push_back(steps);
+        history.returns.push_back(table.number(row, *return_column));
+    }
     return history;
 }
 
@@ -144,18 +82,6 @@ std::vector<double> moving_average(const std::vector<double>& values, std::size_
         averages.push_back(sum / static_cast<double>(std::min(i + 1, window)));
     }
     return averages;
-}
-
-std::vector<double> nice_ticks(double low, double high, int count) {
-    const double raw = (high - low) / count;
-    const double power = std::pow(10, std::floor(std::log10(raw)));
-    const double digit = raw / power;
-    const double step = power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
-    std::vector<double> ticks;
-    const double slack = 1e-9 * step;
-    for (double i = std::ceil((low - slack) / step); i * step <= high + slack; ++i)
-        ticks.push_back(i == 0 ? 0 : i * step);
-    return ticks;
 }
 
 Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
@@ -193,13 +119,19 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     const auto y = [&](double value) { return kBottom - (value - low) / (high - low) * (kBottom - kTop); };
 
     Picture picture{.width = 800, .height = 450, .title = title};
-    for (const double tick : nice_ticks(low, high, 6)) {
-        picture.lines.push_back({{{kLeft, y(tick)}, {right, y(tick)}}, kGrid, 1});
-        picture.words.push_back({tick_text(tick), {kLeft - 8, y(tick) + 4}, kFaintInk, 12, Anchor::end});
+    const auto rows = nice_ticks(low, high, 6);
+    const auto row_texts = tick_texts(rows);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const double height = y(rows[i]);
+        picture.lines.push_back({{{kLeft, height}, {right, height}}, kGrid, 1});
+        picture.words.push_back({row_texts[i], {kLeft - 8, height + 4}, kFaintInk, 12, Anchor::end});
     }
-    for (const double tick : nice_ticks(0, last_step, 6)) {
-        picture.lines.push_back({{{x(tick), kBottom}, {x(tick), kBottom + 5}}, kFaintInk, 1});
-        picture.words.push_back({tick_text(tick), {x(tick), kBottom + 19}, kFaintInk, 12, Anchor::middle});
+    const auto columns = nice_ticks(0, last_step, 6);
+    const auto column_texts = tick_texts(columns);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+        const double place = x(columns[i]);
+        picture.lines.push_back({{{place, kBottom}, {place, kBottom + 5}}, kFaintInk, 1});
+        picture.words.push_back({column_texts[i], {place, kBottom + 19}, kFaintInk, 12, Anchor::middle});
     }
     picture.lines.push_back({{{kLeft, kBottom}, {right, kBottom}}, kFaintInk, 1});
 

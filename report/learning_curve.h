@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,7 +14,9 @@ namespace cale {
 
 /// A finished run's episodes, in the order in which they ended.
 struct EpisodeHistory {
-    std::string env_id{};           // "ALE/Pong-v5"; empty if the file does not say
+    std::string env_id{};  // "ALE/Pong-v5"; empty if the file does not say
+    std::string agent{};   // "sac"; likewise
+    std::optional<std::uint64_t> seed{};
     std::vector<double> steps{};    // agent steps of the run when the episode ended
     std::vector<double> returns{};  // undiscounted, unclipped
 };
@@ -24,9 +28,6 @@ EpisodeHistory read_episodes(const std::filesystem::path& path);
 
 /// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.
 std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);
-
-/// Between `low` and `high`, inclusive, about `count` multiples of 1, 2 or 5 times a power of ten.
-std::vector<double> nice_ticks(double low, double high, int count);
 
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve
 /// into less than a third of the picture, as words beside it.

@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -15,29 +17,22 @@
 namespace cale {
 namespace {
 
-std::string escaped(std::string_view text) {
-    std::string out;
-    for (const char c : text) {
-        if (c == '&')
-            out += "&amp;";
-        else if (c == '<')
-            out += "&lt;";
-        else if (c == '>')
-            out += "&gt;";
-        else if (c == '"')
-            out += "&quot;";
-        else if (static_cast<unsigned char>(c) >= 0x20)
-            out += c;
-    }
-    return out;
-}
-
-std::string hex(Colour colour) {
-    return fmt::format("#{:02x}{:02x}{:02x}", colour.red, colour.green, colour.blue);
-}
-
 std::string_view svg_name(Anchor anchor) {
     return anchor == Anchor::start ? "start" : anchor == Anchor::middle ? "middle" : "end";
+}
+
+std::string svg_points(const std::vector<Point>& points) {
+    std::string text;
+    for (const auto& point : points)
+        fmt::format_to(std::back_inserter(text), "{}{:.1f},{:.1f}", text.empty() ? "" : " ", point.x,
+                       point.y);
+    return text;
+}
+
+std::string svg_element(const Area& area) {
+    return fmt::format("<polygon fill=\"{}\"{} points=\"{}\"/>\n", to_hex(area.colour),
+                       area.opacity < 1 ? fmt::format(" fill-opacity=\"{:g}\"", area.opacity) : "",
+                       svg_points(area.outline));
 }
 
 // Drawn four times as large and then shrunk: OpenCV's own smoothing knows no fractional widths.
@@ -55,23 +50,69 @@ cv::Point fixed_point(Point point) {
     return {static_cast<int>(std::lround(point.x * scale)), static_cast<int>(std::lround(point.y * scale))};
 }
 
+std::vector<cv::Point> fixed_points(const std::vector<Point>& points) {
+    std::vector<cv::Point> fixed;
+    for (const auto& point : points) fixed.push_back(fixed_point(point));
+    return fixed;
+}
+
+/// Six pixels of line, four without.
+std::vector<std::vector<Point>> dashes(const std::vector<Point>& points) {
+    constexpr double kDash = 6, kPeriod = 10;
+    std::vector<std::vector<Point>> pieces;
+    double walked = 0;
+    bool drawing = false;
+    for (std::size_t i = 1; i < points.size(); ++i) {
+        const auto a = points[i - 1], b = points[i];
+        const double length = std::hypot(b.x - a.x, b.y - a.y);
+        const auto at = [&](double distance) {
+            return Point{a.x + distance / length * (b.x - a.x), a.y + distance / length * (b.y - a.y)};
+        };
+        for (double done = 0; done < length;) {
+            const double phase = std::fmod(walked, kPeriod);
+            const bool on = phase < kDash;
+            const double step = std::min(length - done, (on ? kDash : kPeriod) - phase + 1e-9);
+            if (on && !drawing) pieces.push_back({at(done)});
+            if (on) pieces.back().push_back(at(done + step));
+            drawing = on;
+            done += step;
+            walked += step;
+        }
+    }
+    return pieces;
+}
+
 void draw(cv::Mat& image, const Line& line) {
     const int thickness = std::max(1, static_cast<int>(std::lround(line.width * kScale)));
     const auto stroke = [&](const std::vector<cv::Point>& points) {
         cv::polylines(image, points, false, bgr(line.colour), thickness, cv::LINE_AA, kFixedPointBits);
     };
-    std::vector<cv::Point> points;
-    if (!line.dashed || line.points.size() != 2) {
-        for (const auto& point : line.points) points.push_back(fixed_point(point));
-        return stroke(points);
+    if (line.dashed) {
+        for (const auto& dash : dashes(line.points)) stroke(fixed_points(dash));
+    } else {
+        stroke(fixed_points(line.points));
     }
-    const auto [a, b] = std::pair(line.points[0], line.points[1]);
-    const double length = std::hypot(b.x - a.x, b.y - a.y);
-    const auto at = [&](double distance) {
-        const double part = std::min(distance / length, 1.0);
-        return fixed_point({a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)});
-    };
-    for (double start = 0; start < length; start += 10) stroke({at(start), at(start + 6)});
+}
+
+void fill(cv::Mat& image, const std::vector<cv::Point>& outline, Colour colour) {
+    cv::fillPoly(image, std::vector<std::vector<cv::Point>>{outline}, bgr(colour), cv::LINE_AA,
+                 kFixedPointBits);
+}
+
+void draw(cv::Mat& image, const Area& area) {
+    auto outline = fixed_points(area.outline);
+    if (area.opacity >= 1) return fill(image, outline, area.colour);
+    constexpr int kUnit = 1 << kFixedPointBits;
+    const auto bounds = cv::boundingRect(outline);
+    const cv::Rect box = cv::Rect(bounds.x / kUnit - 1, bounds.y / kUnit - 1, bounds.width / kUnit + 3,
+                                  bounds.height / kUnit + 3) &
+                         cv::Rect({}, image.size());
+    if (box.empty()) return;
+    for (auto& point : outline) point -= kUnit * box.tl();
+    cv::Mat below = image(box);
+    cv::Mat painted = below.clone();
+    fill(painted, outline, area.colour);
+    cv::addWeighted(painted, area.opacity, below, 1 - area.opacity, 0, below);
 }
 
 void draw(cv::Mat& image, const Words& words) {
@@ -91,7 +132,9 @@ void draw(cv::Mat& image, const Words& words) {
 std::vector<unsigned char> to_png(const Picture& picture) {
     cv::Mat large(static_cast<int>(picture.height * kScale), static_cast<int>(picture.width * kScale),
                   CV_8UC3, cv::Scalar::all(255));
+    for (const auto& area : picture.areas) draw(large, area);
     for (const auto& line : picture.lines) draw(large, line);
+    for (const auto& mark : picture.marks) draw(large, mark);
     for (const auto& words : picture.words) draw(large, words);
     cv::Mat image;
     cv::resize(large, image, {}, 1 / kOversampling, 1 / kOversampling, cv::INTER_AREA);
@@ -102,6 +145,53 @@ std::vector<unsigned char> to_png(const Picture& picture) {
 
 }  // namespace
 
+std::string escaped(std::string_view text) {
+    std::string out;
+    for (const char c : text) {
+        if (c == '&')
+            out += "&amp;";
+        else if (c == '<')
+            out += "&lt;";
+        else if (c == '>')
+            out += "&gt;";
+        else if (c == '"')
+            out += "&quot;";
+        else if (static_cast<unsigned char>(c) >= 0x20)
+            out += c;
+    }
+    return out;
+}
+
+std::string to_hex(Colour colour) {
+    return fmt::format("#{:02x}{:02x}{:02x}", colour.red, colour.green, colour.blue);
+}
+
+Area rectangle(double left, double top, double right, double bottom, Colour colour, double opacity) {
+    return {{{left, top}, {right, top}, {right, bottom}, {left, bottom}}, colour, opacity};
+}
+
+Area disc(Point centre, double radius, Colour colour) {
+    constexpr int kCorners = 20;
+    Area area{.outline = {}, .colour = colour};
+    for (int i = 0; i < kCorners; ++i) {
+        const double angle = 2 * std::numbers::pi * i / kCorners;
+        area.outline.push_back({centre.x + radius * std::cos(angle), centre.y + radius * std::sin(angle)});
+    }
+    return area;
+}
+
+Area diamond(Point centre, double radius, Colour colour) {
+    return {{{centre.x, centre.y - radius},
+             {centre.x + radius, centre.y},
+             {centre.x, centre.y + radius},
+             {centre.x - radius, centre.y}},
+            colour};
+}
+
+double text_width(std::string_view text, double size, bool bold) {
+    return (bold ? 0.63 : 0.57) * size * static_cast<double>(text.size());
+}
+
 std::string to_svg(const Picture& picture) {
     std::string svg = fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
@@ -109,23 +199,20 @@ std::string to_svg(const Picture& picture) {
         "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n",
         picture.width, picture.height, escaped(picture.title));
     const auto out = std::back_inserter(svg);
+    for (const auto& area : picture.areas) svg += svg_element(area);
     for (const auto& line : picture.lines) {
-        fmt::format_to(
-            out,
-            "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-linejoin=\"round\"{} points=\"",
-            hex(line.colour), line.width, line.dashed ? " stroke-dasharray=\"6 4\"" : "");
-        const char* separator = "";
-        for (const auto& point : line.points) {
-            fmt::format_to(out, "{}{:.1f},{:.1f}", separator, point.x, point.y);
-            separator = " ";
-        }
-        svg += "\"/>\n";
+        fmt::format_to(out,
+                       "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" "
+                       "stroke-linejoin=\"round\"{} points=\"{}\"/>\n",
+                       to_hex(line.colour), line.width, line.dashed ? " stroke-dasharray=\"6 4\"" : "",
+                       svg_points(line.points));
     }
+    for (const auto& mark : picture.marks) svg += svg_element(mark);
     for (const auto& words : picture.words) {
         fmt::format_to(
             out,
             "<text x=\"{:.1f}\" y=\"{:.1f}\" fill=\"{}\" font-size=\"{}\" text-anchor=\"{}\"{}>{}</text>\n",
-            words.position.x, words.position.y, hex(words.colour), words.size, svg_name(words.anchor),
+            words.position.x, words.position.y, to_hex(words.colour), words.size, svg_name(words.anchor),
             words.bold ? " font-weight=\"bold\"" : "", escaped(words.text));
     }
     return svg + "</svg>\n";

@@ -1,10 +1,11 @@
-// A picture as data, lines and words, and its two renderings: SVG for documents and
+// A picture as data, areas, lines and words, and its two renderings: SVG for documents and
 // papers, PNG for pages that show no SVG.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace cale {
@@ -25,8 +26,19 @@ struct Line {
     std::vector<Point> points;
     Colour colour;
     double width = 1;
-    bool dashed = false;  // for lines of two points
+    bool dashed = false;
 };
+
+/// A filled polygon.
+struct Area {
+    std::vector<Point> outline;
+    Colour colour;
+    double opacity = 1;
+};
+
+Area rectangle(double left, double top, double right, double bottom, Colour colour, double opacity = 1);
+Area disc(Point centre, double radius, Colour colour);
+Area diamond(Point centre, double radius, Colour colour);
 
 enum class Anchor { start, middle, end };
 
@@ -39,14 +51,25 @@ struct Words {
     bool bold = false;
 };
 
-/// Drawn in order on white: all lines, then all words.
+/// Drawn in order on white: all areas, then all lines, marks and words.
 struct Picture {
     int width = 800;
     int height = 450;
     std::string title{};  // for screen readers
+    std::vector<Area> areas{};
     std::vector<Line> lines{};
+    std::vector<Area> marks{};
     std::vector<Words> words{};
 };
+
+/// About how wide `text` is drawn, rather more than less: fonts differ.
+double text_width(std::string_view text, double size, bool bold = false);
+
+/// Without what XML and HTML would take for mark-up, and without control characters.
+std::string escaped(std::string_view text);
+
+/// "#rrggbb"
+std::string to_hex(Colour colour);
 
 std::string to_svg(const Picture& picture);
 

@@ -16,11 +16,9 @@ namespace cale {
 namespace {
 
 using ::testing::Contains;
-using ::testing::DoubleEq;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsSupersetOf;
-using ::testing::Pointwise;
 
 class LearningCurve : public ::testing::Test {
   protected:
@@ -79,12 +77,6 @@ TEST_F(LearningCurve, NamesTheLineThatIsDamaged) {
 TEST_F(LearningCurve, AveragesOverTheNewestValues) {
     EXPECT_THAT(moving_average({1, 3, 5, 7}, 2), ElementsAre(1, 2, 4, 6));
     EXPECT_THAT(moving_average({1, 3}, 100), ElementsAre(1, 2));
-}
-
-TEST_F(LearningCurve, TicksAreRoundNumbersInsideTheInterval) {
-    EXPECT_THAT(nice_ticks(-21.3, 20.4, 6), ElementsAre(-20, -15, -10, -5, 0, 5, 10, 15, 20));
-    EXPECT_THAT(nice_ticks(0, 100'000, 6), ElementsAre(0, 20'000, 40'000, 60'000, 80'000, 100'000));
-    EXPECT_THAT(nice_ticks(0, 0.3, 3), Pointwise(DoubleEq(), {0.0, 0.1, 0.2, 0.3}));
 }
 
 TEST_F(LearningCurve, ShowsEveryReturnAndTheirAverage) {

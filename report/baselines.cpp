@@ -1,0 +1,56 @@
+#include "report/baselines.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+#include <string_view>
+
+#include "cale/games.h"
+#include "report/csv.h"
+
+namespace cale {
+namespace {
+
+constexpr std::array<std::string_view, 3> kNotScores{"game", "cale60", "atari100k"};
+
+std::vector<std::string> score_columns(const CsvTable& table) {
+    std::vector<std::string> names;
+    for (const auto& column : table.columns)
+        if (std::find(kNotScores.begin(), kNotScores.end(), column) == kNotScores.end())
+            names.push_back(column);
+    return names;
+}
+
+}  // namespace
+
+std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
+                                     const std::vector<std::string>& names) {
+    const auto table = read_csv(csv);
+    const auto game_column = table.find("game");
+    if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", csv.string()));
+    const auto known = score_columns(table);
+    std::vector<Baseline> baselines;
+    for (const auto& name : names) {
+        if (std::find(known.begin(), known.end(), name) == known.end())
+            throw std::invalid_argument(
+                fmt::format("there is no baseline '{}'; there are {}", name, fmt::join(known, ", ")));
+        const auto column = *table.find(name);
+        Baseline baseline{.name = name};
+        for (std::size_t row = 0; row < table.rows.size(); ++row) {
+            if (table.rows[row][column].empty()) continue;
+            try {
+                const auto& game = find_game(table.rows[row][*game_column]);
+                baseline.scores[std::string(game.name)] = table.number(row, column);
+            } catch (const std::invalid_argument&) {
+                continue;  // games beyond the sixty (Defender, Surround)
+            }
+        }
+        baselines.push_back(std::move(baseline));
+    }
+    return baselines;
+}
+
+}  // namespace cale

@@ -1,0 +1,23 @@
+// Scores of the literature, to draw beside one's own.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace cale {
+
+/// What somebody published: a mean score for each of some games, without the runs behind it.
+struct Baseline {
+    std::string name{};
+    std::map<std::string, double, std::less<>> scores{};  // by Game::name
+};
+
+/// The columns called `names` of a table with a row per game, whose column `game` names it.
+/// Throws std::invalid_argument for a name that is no column, naming those that are, and
+/// std::runtime_error for a table that cannot be read.
+std::vector<Baseline> read_baselines(const std::filesystem::path& csv, const std::vector<std::string>& names);
+
+}  // namespace cale

@@ -1,0 +1,294 @@
+#include "report/comparison.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+
+namespace cale {
+namespace {
+
+constexpr std::size_t kCurvePoints = 51;
+constexpr std::size_t kThresholds = 101;
+constexpr std::size_t kFewRuns = 5;
+
+/// What run->score() was after that many agent steps; none before the first game had ended.
+double score_at(const Run& run, double step) {
+    const auto next = std::upper_bound(run.steps.begin(), run.steps.end(), step);
+    return run.scores[static_cast<std::size_t>(next - run.steps.begin()) - 1];
+}
+
+/// Steps at which all runs have a score: their own where they agree, else from where the last of
+/// them has its first to where the first of them ends.
+std::vector<double> common_steps(const std::vector<const Run*>& runs) {
+    const auto& first = runs.front()->steps;
+    const auto agrees = [&](const Run* run) { return run->steps == first; };
+    if (first.size() <= kCurvePoints && std::all_of(runs.begin(), runs.end(), agrees)) return first;
+    double begin = 0, end = HUGE_VAL;
+    for (const auto* run : runs) {
+        begin = std::max(begin, run->steps.front());
+        end = std::min(end, run->steps.back());
+    }
+    std::vector<double> steps;
+    for (std::size_t i = 0; begin < end && i < kCurvePoints; ++i)
+        steps.push_back(begin + (end - begin) * static_cast<double>(i) / (kCurvePoints - 1));
+    return steps;
+}
+
+std::vector<double> mean_event_shares(const std::vector<const Run*>& runs) {
+    std::vector<double> mean;
+    double count = 0;
+    for (const auto* run : runs) {
+        if (run->event_shares.empty()) continue;
+        mean.resize(run->event_shares.size());
+        for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += run->event_shares[i];
+        ++count;
+    }
+    for (auto& share : mean) share /= count;
+    return mean;
+}
+
+/// Quantile by quantile the mean of those runs that have the same quantiles as the first.
+std::vector<RewardQuantile> mean_reward_quantiles(const std::vector<const Run*>& runs) {
+    std::vector<RewardQuantile> mean;
+    double count = 0;
+    for (const auto* run : runs) {
+        const auto& own = run->reward_quantiles;
+        if (own.empty() || (!mean.empty() && mean.size() != own.size())) continue;
+        if (mean.empty()) {
+            mean = own;
+        } else {
+            for (std::size_t i = 0; i < mean.size(); ++i) mean[i].reward += own[i].reward;
+        }
+        ++count;
+    }
+    for (auto& quantile : mean) quantile.reward /= count;
+    return mean;
+}
+
+GameResult result_on(const Game& game, std::vector<const Run*> runs, const Bootstrap& bootstrap,
+                     const Bootstrap& for_bands) {
+    std::sort(runs.begin(), runs.end(), [](const Run* a, const Run* b) { return a->seed < b->seed; });
+    const auto at = [&](auto&& score_of) {
+        std::vector<double> scores;
+        for (const auto* run : runs) scores.push_back(score_of(*run));
+        return scores;
+    };
+    GameResult result{.game = &game, .runs = runs};
+    result.mean = mean_of_runs(at([](const Run& run) { return run.score(); }), bootstrap);
+    result.curve.steps = common_steps(runs);
+    for (const double step : result.curve.steps) {
+        result.curve.values.push_back(
+            mean_of_runs(at([&](const Run& run) { return score_at(run, step); }), for_bands));
+    }
+    result.event_shares = mean_event_shares(runs);
+    result.reward_quantiles = mean_reward_quantiles(runs);
+    return result;
+}
+
+GroupResult result_of(const Group& group, const Bootstrap& bootstrap, const Bootstrap& for_bands) {
+    std::map<std::string_view, std::vector<const Run*>> by_game;
+    for (const auto& run : group.runs) by_game[run.game->name].push_back(&run);
+    GroupResult result{.label = group.label};
+    for (const auto& [name, runs] : by_game)
+        result.games.push_back(result_on(*runs.front()->game, runs, bootstrap, for_bands));
+    return result;
+}
+
+const GameResult* find_game_in(const GroupResult& result, std::string_view name) {
+    const auto found = std::find_if(result.games.begin(), result.games.end(),
+                                    [&](const GameResult& game) { return game.game->name == name; });
+    return found == result.games.end() ? nullptr : &*found;
+}
+
+/// Fills `games` and `left_out_games`.
+void choose_games(Comparison& comparison) {
+    for (const auto& game : games()) {
+        std::vector<std::string_view> without;
+        for (const auto& result : comparison.results)
+            if (find_game_in(result, game.name) == nullptr) without.push_back(result.label);
+        if (without.size() == comparison.results.size()) continue;  // nobody played it
+        if (!game.human_score || !game.random_score) {
+            comparison.left_out_games.push_back(
+                {std::string(game.name), "there is no human score to normalise with"});
+        } else if (!without.empty()) {
+            comparison.left_out_games.push_back(
+                {std::string(game.name), fmt::format("no run of {}", fmt::join(without, "; "))});
+        } else {
+            comparison.games.push_back(&game);
+        }
+    }
+}
+
+Scores normalised_at(const GroupResult& result, std::optional<double> step) {
+    Scores scores;
+    for (const auto& game : result.games) {
+        auto& of_game = scores.emplace_back();
+        for (const auto* run : game.runs)
+            of_game.push_back(human_normalised(step ? score_at(*run, *step) : run->score(), *game.game));
+    }
+    return scores;
+}
+
+/// The same group on the compared games alone.
+GroupResult on_compared_games(const GroupResult& result, const std::vector<const Game*>& compared) {
+    GroupResult only{.label = result.label};
+    for (const auto* game : compared) only.games.push_back(*find_game_in(result, game->name));
+    return only;
+}
+
+void count_runs(GroupResult& result, const GroupResult& counted) {
+    result.least_runs = counted.games.front().runs.size();
+    for (const auto& game : counted.games) {
+        result.least_runs = std::min(result.least_runs, game.runs.size());
+        result.most_runs = std::max(result.most_runs, game.runs.size());
+    }
+}
+
+void aggregate_group(GroupResult& result, const std::vector<const Game*>& compared,
+                     const Bootstrap& bootstrap, const Bootstrap& for_bands) {
+    if (compared.empty()) return count_runs(result, result);
+    const auto only = on_compared_games(result, compared);
+    count_runs(result, only);
+    result.scores = normalised_at(only, std::nullopt);
+    result.aggregates = aggregate(result.scores, bootstrap);
+    std::vector<const Run*> runs;
+    for (const auto& game : only.games) runs.insert(runs.end(), game.runs.begin(), game.runs.end());
+    result.curve_steps = common_steps(runs);
+    for (const double step : result.curve_steps)
+        result.curve.push_back(aggregate(normalised_at(only, step), for_bands));
+}
+
+/// From 0 to the best run, at least to 1 and at most to 8 human scores.
+std::vector<double> profile_thresholds(const std::vector<GroupResult>& results) {
+    double best = 0;
+    for (const auto& result : results)
+        for (const auto& runs : result.scores)
+            best = std::max(best, *std::max_element(runs.begin(), runs.end()));
+    const double last = std::clamp(std::ceil(2 * best) / 2, 1.0, 8.0);
+    std::vector<double> thresholds;
+    for (std::size_t i = 0; i < kThresholds; ++i)
+        thresholds.push_back(last * static_cast<double>(i) / (kThresholds - 1));
+    return thresholds;
+}
+
+void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
+    comparison.thresholds = profile_thresholds(comparison.results);
+    for (auto& result : comparison.results)
+        result.profile = performance_profile(result.scores, comparison.thresholds, for_bands);
+    for (std::size_t x = 0; x < comparison.results.size(); ++x) {
+        for (std::size_t y = x + 1; y < comparison.results.size(); ++y) {
+            comparison.improvements.push_back(
+                {x, y,
+                 probability_of_improvement(comparison.results[x].scores, comparison.results[y].scores,
+                                            comparison.config.bootstrap)});
+        }
+    }
+}
+
+void add_baseline(Comparison& comparison, const Baseline& baseline) {
+    std::vector<std::string_view> missing;
+    Scores scores;
+    for (const auto* game : comparison.games) {
+        const auto score = baseline.scores.find(game->name);
+        if (score == baseline.scores.end()) {
+            missing.push_back(game->name);
+        } else {
+            scores.push_back({human_normalised(score->second, *game)});
+        }
+    }
+    if (!missing.empty()) {
+        comparison.left_out_baselines.push_back(
+            {baseline.name, fmt::format("it has no score for {}", fmt::join(missing, ", "))});
+        return;
+    }
+    const Bootstrap once{.resamples = 1};
+    comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
+}
+
+void check_runs(const FoundRuns& found) {
+    if (!found.runs.empty()) return;
+    if (found.left_out.empty())
+        throw std::invalid_argument(
+            "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
+    throw std::invalid_argument(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
+                                            found.left_out.front().what, found.left_out.front().why));
+}
+
+/// "2", "2 to 5"
+std::string range_text(std::size_t least, std::size_t most) {
+    return least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most);
+}
+
+std::vector<std::string> notes_on(const Comparison& comparison) {
+    std::vector<std::string> single, few, uneven, notes;
+    for (const auto& result : comparison.results) {
+        const auto counted =
+            fmt::format("{} ({})", result.label, range_text(result.least_runs, result.most_runs));
+        if (!result.has_interval()) {
+            single.push_back(result.label);
+        } else if (result.least_runs < kFewRuns) {
+            few.push_back(counted);
+        }
+        if (result.least_runs != result.most_runs) uneven.push_back(counted);
+    }
+    if (comparison.games.empty())
+        notes.push_back(
+            "There is no game with a human score that every group has played: nothing is aggregated over "
+            "games.");
+    if (!single.empty())
+        notes.push_back(fmt::format(
+            "Games with a single run, about whose spread nothing is known, so that there is no interval: {}.",
+            fmt::join(single, "; ")));
+    if (!few.empty())
+        notes.push_back(fmt::format(
+            "Fewer than {} runs per game, from which bootstrap intervals come out too narrow: {}.", kFewRuns,
+            fmt::join(few, "; ")));
+    if (!uneven.empty())
+        notes.push_back(fmt::format(
+            "Games with unequal numbers of runs; where scores are pooled, those with more count more: {}.",
+            fmt::join(uneven, "; ")));
+    for (const auto& group : comparison.groups) {
+        for (const auto& run : group.runs) {
+            if (!run.finished)
+                notes.push_back(fmt::format("{} is unfinished: its newest game ended at agent step {:.0f}.",
+                                            run.folder.string(), run.steps.back()));
+        }
+    }
+    return notes;
+}
+
+}  // namespace
+
+std::vector<std::string> labels_of(const Comparison& comparison) {
+    std::vector<std::string> labels;
+    for (const auto& result : comparison.results) labels.push_back(result.label);
+    return labels;
+}
+
+Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, const ComparisonConfig& config) {
+    check_runs(found);
+    auto for_bands = config.bootstrap;
+    for_bands.resamples = std::min(for_bands.resamples, kBandResamples);
+
+    Comparison comparison;
+    comparison.config = config;
+    comparison.left_out_runs = std::move(found.left_out);
+    comparison.groups = group_runs(std::move(found.runs), config.group_by);
+    for (const auto& group : comparison.groups)
+        comparison.results.push_back(result_of(group, config.bootstrap, for_bands));
+    choose_games(comparison);
+    for (auto& result : comparison.results)
+        aggregate_group(result, comparison.games, config.bootstrap, for_bands);
+    if (!comparison.games.empty()) compare_groups(comparison, for_bands);
+    for (const auto& baseline : baselines) add_baseline(comparison, baseline);
+    comparison.notes = notes_on(comparison);
+    return comparison;
+}
+
+}  // namespace cale

@@ -1,0 +1,93 @@
+// Everything that a report says, computed: groups of runs against each other, and against the literature.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "report/aggregate.h"
+#include "report/baselines.h"
+#include "report/groups.h"
+#include "report/runs.h"
+
+namespace cale {
+
+/// A value that changes with the agent steps.
+struct Curve {
+    std::vector<double> steps{};
+    std::vector<Estimate> values{};
+};
+
+/// What a group did on one game.
+struct GameResult {
+    const Game* game = nullptr;
+    std::vector<const Run*> runs{};                  // by seed
+    Estimate mean{};                                 // of the runs' scores, as the game counts them
+    Curve curve{};                                   // likewise
+    std::vector<double> event_shares{};              // by Event, the mean of the runs'; empty if none has any
+    std::vector<RewardQuantile> reward_quantiles{};  // likewise
+};
+
+struct GroupResult {
+    std::string label{};
+    std::vector<GameResult> games{};  // by name, also those that are not compared
+    std::size_t least_runs = 0;       // of a compared game; of any where none is
+    std::size_t most_runs = 0;
+    // Over the compared games, human-normalised; without meaning where there are none.
+    Scores scores{};
+    Aggregates aggregates{};
+    std::vector<Estimate> profile{};  // by Comparison::thresholds
+    std::vector<double> curve_steps{};
+    std::vector<Aggregates> curve{};  // by curve_steps
+
+    /// One run per game says nothing about how much runs differ.
+    bool has_interval() const { return least_runs > 1; }
+};
+
+struct BaselineResult {
+    Baseline baseline{};
+    Aggregates aggregates{};  // of the games' means: no interval, and another IQM than that of runs
+};
+
+/// The probability that a run of group `x` scores more than one of group `y`.
+struct Improvement {
+    std::size_t x = 0;
+    std::size_t y = 0;
+    Estimate probability{};
+};
+
+struct ComparisonConfig {
+    ScoreKind score = ScoreKind::training;
+    Bootstrap bootstrap{};
+    std::vector<std::string> group_by{};
+};
+
+/// Bands of curves and profiles take this many resamples at most, as rliable's do.
+inline constexpr std::int64_t kBandResamples = 2'000;
+
+struct Comparison {
+    ComparisonConfig config{};
+    std::vector<Group> groups{};         // holds the runs that `results` points to
+    std::vector<GroupResult> results{};  // by group
+    std::vector<BaselineResult> baselines{};
+    std::vector<const Game*> games{};  // compared: those with a human score that every group has played
+    std::vector<double> thresholds{};  // of the profiles
+    std::vector<Improvement> improvements{};  // every pair of groups once
+    std::vector<LeftOut> left_out_games{};
+    std::vector<LeftOut> left_out_runs{};
+    std::vector<LeftOut> left_out_baselines{};
+    std::vector<std::string> notes{};  // what a reader must know before believing a figure
+
+    Comparison() = default;
+    Comparison(Comparison&&) = default;
+    Comparison& operator=(Comparison&&) = default;
+};
+
+/// The groups' labels, in order.
+std::vector<std::string> labels_of(const Comparison& comparison);
+
+/// Throws std::invalid_argument where there is no run, and what group_runs() throws.
+Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines = {},
+                   const ComparisonConfig& config = {});
+
+}  // namespace cale

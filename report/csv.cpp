@@ -1,0 +1,104 @@
+#include "report/csv.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace cale {
+namespace {
+
+std::vector<std::string> split(std::string_view line) {
+    std::vector<std::string> cells;
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    for (auto comma = line.find(','); comma != line.npos; comma = line.find(',')) {
+        cells.emplace_back(line.substr(0, comma));
+        line.remove_prefix(comma + 1);
+    }
+    cells.emplace_back(line);
+    return cells;
+}
+
+std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
+                           const std::vector<std::string>& cells) {
+    return std::runtime_error(
+        fmt::format("{} is damaged: line {} is '{}'", path.string(), line, fmt::join(cells, ",")));
+}
+
+}  // namespace
+
+std::optional<std::size_t> CsvTable::find(std::string_view column) const {
+    const auto found = std::find(columns.begin(), columns.end(), column);
+    if (found == columns.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - columns.begin());
+}
+
+double CsvTable::number(std::size_t row, std::size_t column) const {
+    const auto& text = rows[row][column];
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value))
+        throw damaged(path, lines[row], rows[row]);
+    return value;
+}
+
+CsvTable read_csv(const std::filesystem::path& path) {
+    std::ifstream file(path);
+    if (!file)
+        throw std::runtime_error(fmt::format("cannot read {}: {}", path.string(), std::strerror(errno)));
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+
+    CsvTable table{.path = path};
+    std::size_t line_number = 0;
+    for (std::size_t start = 0, end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
+        const auto line = std::string_view(text).substr(start, end - start);
+        ++line_number;
+        if (line.starts_with('#')) {
+            table.comment = line.substr(1);
+            continue;
+        }
+        auto cells = split(line);
+        if (table.columns.empty()) {
+            table.columns = std::move(cells);
+            continue;
+        }
+        if (cells.size() != table.columns.size()) throw damaged(path, line_number, cells);
+        table.rows.push_back(std::move(cells));
+        table.lines.push_back(line_number);
+    }
+    if (table.columns.empty())
+        throw std::runtime_error(fmt::format("{} has no header: it is empty or damaged", path.string()));
+    return table;
+}
+
+std::string csv_line(const std::vector<std::string>& cells) {
+    std::string line;
+    for (const auto& cell : cells) {
+        if (&cell != cells.data()) line += ',';
+        if (cell.find_first_of(",\"\n") == cell.npos) {
+            line += cell;
+            continue;
+        }
+        line += '"';
+        for (const char c : cell) line.append(c == '"' ? 2 : 1, c);
+        line += '"';
+    }
+    return line + '\n';
+}
+
+void write_text(const std::filesystem::path& path, std::string_view text) {
+    std::ofstream file(path, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file)
+        throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
+}
+
+}  // namespace cale

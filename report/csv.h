@@ -1,0 +1,36 @@
+// Tables of comma-separated values: those that runs leave behind, and those that a report writes.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cale {
+
+/// A file's header and rows. No cell is quoted: no file of a run has such cells.
+struct CsvTable {
+    std::filesystem::path path{};
+    std::string comment{};  // the line before the header that starts with '#', without it
+    std::vector<std::string> columns{};
+    std::vector<std::vector<std::string>> rows{};  // each as long as `columns`
+    std::vector<std::size_t> lines{};              // of the file, by row, from 1
+
+    std::optional<std::size_t> find(std::string_view column) const;
+    /// Throws std::runtime_error that names the file and the line where the cell is no finite number.
+    double number(std::size_t row, std::size_t column) const;
+};
+
+/// Half a last line, as a killed run leaves it, is passed over. Throws std::runtime_error, naming the
+/// file, where it cannot be read or has no header, and the line where a row is longer or shorter.
+CsvTable read_csv(const std::filesystem::path& path);
+
+/// A line of a table: cells with a comma, a quote or a line break are quoted.
+std::string csv_line(const std::vector<std::string>& cells);
+
+/// Throws std::runtime_error that names the file and the reason (disk full, ...).
+void write_text(const std::filesystem::path& path, std::string_view text);
+
+}  // namespace cale

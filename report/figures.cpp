@@ -1,0 +1,250 @@
+#include "report/figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <utility>
+
+#include "report/panel.h"
+#include "report/tables.h"
+
+namespace cale {
+namespace {
+
+constexpr double kLabelSize = 13;
+
+std::string method_of(const Comparison& comparison, std::int64_t resamples) {
+    return fmt::format("{} game{}; {}; {:g} % stratified bootstrap intervals, {} resamples",
+                       comparison.games.size(), comparison.games.size() == 1 ? "" : "s",
+                       runs_text(comparison), 100 * comparison.config.bootstrap.confidence, resamples);
+}
+
+std::int64_t band_resamples(const Comparison& comparison) {
+    return std::min(comparison.config.bootstrap.resamples, kBandResamples);
+}
+
+/// An interval as a bar, its estimate as a line across.
+void draw_interval(Picture& picture, const Panel& panel, const Estimate& estimate, double y,
+                   bool with_interval, Colour colour) {
+    constexpr double kHalf = 8;
+    if (with_interval) {
+        picture.areas.push_back(rectangle(panel.to_x(estimate.low), y - kHalf, panel.to_x(estimate.high),
+                                          y + kHalf, colour, 0.55));
+    } else {
+        picture.marks.push_back(disc({panel.to_x(estimate.value), y}, 4, colour));
+        return;
+    }
+    const double x = panel.to_x(estimate.value);
+    picture.lines.push_back({{{x, y - kHalf}, {x, y + kHalf}}, kInk, 1.8});
+}
+
+void draw_vertical_grid(Picture& picture, const Panel& panel, int count) {
+    constexpr double kSize = 11.5;
+    const auto ticks = fitting_ticks(panel, count, kSize);
+    const auto texts = tick_texts(ticks);
+    for (std::size_t i = 0; i < ticks.size(); ++i) {
+        draw_grid_line_at_x(picture, panel, ticks[i]);
+        picture.words.push_back(
+            {texts[i], {panel.to_x(ticks[i]), panel.bottom + 17}, kFaintInk, kSize, Anchor::middle});
+    }
+    picture.lines.push_back({{{panel.left, panel.bottom}, {panel.right, panel.bottom}}, kFaintInk, 1});
+}
+
+/// Horizontal dashed lines, their names to the right of the panel, none over another.
+void draw_baselines(Picture& picture, const Panel& panel, std::vector<std::pair<double, std::string>> lines) {
+    constexpr double kSize = 11.5, kRow = 14;
+    std::sort(lines.begin(), lines.end(), std::greater<>());
+    double lowest_free = panel.top - kRow;
+    for (const auto& [value, name] : lines) {
+        const double y = panel.to_y(value);
+        const double baseline = std::max(y + 4, lowest_free + kRow);
+        lowest_free = baseline;
+        picture.lines.push_back({{{panel.left, y}, {panel.right, y}}, kFaintInk, 1.2, true});
+        picture.words.push_back({name, {panel.right + 8, baseline}, kFaintInk, kSize});
+    }
+}
+
+}  // namespace
+
+Picture aggregate_figure(const Comparison& comparison) {
+    constexpr std::array<const char*, kMetricCount> kTitles{"IQM", "Median", "Mean", "Optimality gap"};
+    constexpr double kRow = 32, kBetween = 26, kPanelWidth = 172;
+    auto names = labels_of(comparison);
+    for (const auto& result : comparison.baselines) names.push_back(result.baseline.name);
+    const double left = kMargin + std::max(80.0, widest(names, kLabelSize)) + 14;
+    const double top = 100, bottom = top + kRow * static_cast<double>(names.size());
+    Picture picture =
+        titled_picture("Aggregate human-normalised scores", left + kMetricCount * (kPanelWidth + kBetween));
+    for (std::size_t row = 0; row < names.size(); ++row) {
+        const double y = top + kRow * (static_cast<double>(row) + 0.5);
+        picture.words.push_back({names[row], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
+    }
+    for (std::size_t m = 0; m < kMetricCount; ++m) {
+        std::vector<double> values;
+        for (const auto& result : comparison.results) {
+            const auto& [value, low, high] = result.aggregates[m];
+            values.insert(values.end(), {value, low, high});
+        }
+        for (const auto& result : comparison.baselines) values.push_back(result.aggregates[m].value);
+        const double start = left + static_cast<double>(m) * (kPanelWidth + kBetween);
+        const Panel panel{
+            .left = start, .top = top, .right = start + kPanelWidth, .bottom = bottom, .x = room_for(values)};
+        draw_vertical_grid(picture, panel, 4);
+        picture.words.push_back({kTitles[m], {start, top - 24}, kInk, 13.5, Anchor::start, true});
+        picture.words.push_back({m + 1 == kMetricCount ? "lower is better" : "higher is better",
+                                 {start, top - 9},
+                                 kFaintInk,
+                                 11});
+        double y = top + kRow / 2;
+        for (std::size_t i = 0; i < comparison.results.size(); ++i, y += kRow) {
+            const auto& result = comparison.results[i];
+            draw_interval(picture, panel, result.aggregates[m], y, result.has_interval(), series_colour(i));
+        }
+        for (const auto& result : comparison.baselines) {
+            picture.marks.push_back(diamond({panel.to_x(result.aggregates[m].value), y}, 6, kFaintInk));
+            y += kRow;
+        }
+    }
+    finish_picture(
+        picture, bottom + 34,
+        method_of(comparison, comparison.config.bootstrap.resamples) +
+            (comparison.baselines.empty() ? ""
+                                          : "; diamonds: published mean scores per game, without intervals"));
+    return picture;
+}
+
+Picture profile_figure(const Comparison& comparison) {
+    Picture picture = titled_picture("Performance profiles", 780);
+    const double below_legend = 48 + draw_legend(picture, labels_of(comparison), 70, 756, 48);
+    const Panel panel{.left = 70,
+                      .top = below_legend + 30,
+                      .right = 756,
+                      .bottom = below_legend + 350,
+                      .x = {0, comparison.thresholds.back()},
+                      .y = {0, 1}};
+    draw_axes(picture, panel, 8, 5);
+    for (std::size_t i = 0; i < comparison.results.size(); ++i)
+        draw_curve(picture, panel, comparison.thresholds, comparison.results[i].profile, i,
+                   comparison.results[i].has_interval());
+    picture.words.push_back({"fraction of runs with a higher score", {70, panel.top - 12}, kInk, 12.5});
+    picture.words.push_back(
+        {"human-normalised score", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
+    finish_picture(picture, panel.bottom + 50,
+                   "pointwise; " + method_of(comparison, band_resamples(comparison)));
+    return picture;
+}
+
+Picture improvement_figure(const Comparison& comparison) {
+    constexpr double kRow = 30, kTop = 96, kPanelWidth = 380;
+    std::vector<std::string> firsts, seconds;
+    for (const auto& [x, y, probability] : comparison.improvements) {
+        firsts.push_back(comparison.results[x].label);
+        seconds.push_back(comparison.results[y].label);
+    }
+    const double left = kMargin + std::max(60.0, widest(firsts, kLabelSize)) + 14;
+    const Panel panel{.left = left,
+                      .top = kTop,
+                      .right = left + kPanelWidth,
+                      .bottom = kTop + kRow * static_cast<double>(firsts.size())};
+    Picture picture =
+        titled_picture("Probability of improvement",
+                       panel.right + 14 + std::max(60.0, widest(seconds, kLabelSize)) + kMargin);
+    draw_vertical_grid(picture, panel, 5);
+    picture.lines.push_back(
+        {{{panel.to_x(0.5), kTop}, {panel.to_x(0.5), panel.bottom}}, kFaintInk, 1.2, true});
+    picture.words.push_back({"X", {left - 14, kTop - 12}, kInk, kLabelSize, Anchor::end, true});
+    picture.words.push_back(
+        {"P(X > Y)", {(left + panel.right) / 2, kTop - 12}, kInk, kLabelSize, Anchor::middle, true});
+    picture.words.push_back({"Y", {panel.right + 14, kTop - 12}, kInk, kLabelSize, Anchor::start, true});
+    for (std::size_t i = 0; i < firsts.size(); ++i) {
+        const double y = kTop + kRow * (static_cast<double>(i) + 0.5);
+        const auto& [first, second, probability] = comparison.improvements[i];
+        picture.words.push_back({firsts[i], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
+        picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
+        draw_interval(picture, panel, probability, y,
+                      comparison.results[first].has_interval() || comparison.results[second].has_interval(),
+                      series_colour(first));
+    }
+    finish_picture(picture, panel.bottom + 34, method_of(comparison, comparison.config.bootstrap.resamples));
+    return picture;
+}
+
+Picture efficiency_figure(const Comparison& comparison) {
+    const auto iqm = static_cast<std::size_t>(Metric::iqm);
+    std::vector<double> values;
+    std::vector<std::vector<Estimate>> curves;
+    double last_step = 1;
+    for (const auto& result : comparison.results) {
+        auto& curve = curves.emplace_back();
+        for (const auto& aggregates : result.curve) {
+            curve.push_back(aggregates[iqm]);
+            values.insert(values.end(), {curve.back().low, curve.back().value, curve.back().high});
+        }
+        if (!result.curve_steps.empty()) last_step = std::max(last_step, result.curve_steps.back());
+    }
+    std::vector<std::pair<double, std::string>> baselines;
+    std::vector<std::string> names;
+    for (const auto& [baseline, aggregates] : comparison.baselines) {
+        baselines.emplace_back(aggregates[iqm].value, baseline.name);
+        names.push_back(baseline.name);
+        values.push_back(aggregates[iqm].value);
+    }
+    const double right = 756, room = names.empty() ? 0 : widest(names, 11.5) + 10;
+    Picture picture = titled_picture("Sample efficiency", right + room + kMargin);
+    const double below_legend = 48 + draw_legend(picture, labels_of(comparison), 70, right, 48);
+    const Panel panel{.left = 70,
+                      .top = below_legend + 30,
+                      .right = right,
+                      .bottom = below_legend + 350,
+                      .x = {0, last_step},
+                      .y = room_for(values)};
+    draw_axes(picture, panel, 6, 6);
+    draw_baselines(picture, panel, std::move(baselines));
+    for (std::size_t i = 0; i < curves.size(); ++i)
+        draw_curve(picture, panel, comparison.results[i].curve_steps, curves[i], i,
+                   comparison.results[i].has_interval());
+    picture.words.push_back({"IQM of human-normalised scores", {70, panel.top - 12}, kInk, 12.5});
+    picture.words.push_back({"agent steps", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
+    finish_picture(picture, panel.bottom + 50,
+                   "pointwise; " + method_of(comparison, band_resamples(comparison)));
+    return picture;
+}
+
+std::vector<Figure> figures(const Comparison& comparison) {
+    std::vector<Figure> all;
+    if (!comparison.games.empty()) {
+        all.push_back(
+            {"aggregates", "Aggregate scores",
+             "0 is the random agent, 1 the human. The interquartile mean (IQM) averages the middle "
+             "half of all runs on all games; the median and the mean are those of the games' means; "
+             "the optimality gap is how far runs fall short of 1 on average. A bar is the interval, "
+             "the line across it the estimate.",
+             aggregate_figure(comparison)});
+        const bool curves = std::any_of(comparison.results.begin(), comparison.results.end(),
+                                        [](const auto& result) { return result.curve_steps.size() > 1; });
+        if (curves) {
+            all.push_back(
+                {"sample_efficiency", "Sample efficiency",
+                 "The interquartile mean while learning. A curve begins where every run has a score "
+                 "and ends with the shortest run.",
+                 efficiency_figure(comparison)});
+        }
+        all.push_back(
+            {"performance_profiles", "Performance profiles",
+             "The part of a group's runs that score above a given human-normalised score: higher is "
+             "better.",
+             profile_figure(comparison)});
+        if (!comparison.improvements.empty()) {
+            all.push_back({"probability_of_improvement", "Probability of improvement",
+                           "How likely a run of X scores more than a run of Y on a game drawn at random. An "
+                           "interval that leaves out 0.5 speaks for a difference.",
+                           improvement_figure(comparison)});
+        }
+    }
+    for (auto& figure : game_figures(comparison)) all.push_back(std::move(figure));
+    return all;
+}
+
+}  // namespace cale

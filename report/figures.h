@@ -1,0 +1,44 @@
+// The figures of a report, one for each type of figure in the CALE paper.
+//
+// Every picture states the number of games and runs behind it and how its intervals came about.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "report/comparison.h"
+#include "report/picture.h"
+
+namespace cale {
+
+/// The four aggregate metrics of every group, side by side, with intervals; baselines as diamonds.
+Picture aggregate_figure(const Comparison& comparison);
+/// The part of runs above a human-normalised score, with pointwise bands.
+Picture profile_figure(const Comparison& comparison);
+/// A row per pair of groups.
+Picture improvement_figure(const Comparison& comparison);
+/// IQM over agent steps, with bands; baselines as horizontal lines.
+Picture efficiency_figure(const Comparison& comparison);
+/// A panel per game: the mean over the runs of the game's own score over agent steps, with bands.
+Picture game_curves_figure(const Comparison& comparison);
+/// game_table() as a picture.
+Picture game_table_figure(const Comparison& comparison);
+/// How often each joystick event was asked for: a panel per game for up to four games, else the mean
+/// over all games.
+Picture event_figure(const Comparison& comparison);
+/// A panel per game: the rewards of an agent step, by quantile.
+Picture reward_figure(const Comparison& comparison);
+
+struct Figure {
+    std::string name{};     // of its files: "aggregates"
+    std::string title{};    // of its section in the page
+    std::string caption{};  // how to read it
+    Picture picture{};
+};
+
+/// Those that the comparison has data for, in the order in which they are read.
+std::vector<Figure> figures(const Comparison& comparison);
+/// The last of them: those that show games one by one.
+std::vector<Figure> game_figures(const Comparison& comparison);
+
+}  // namespace cale

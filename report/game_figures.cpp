@@ -1,0 +1,339 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "cale/action.h"
+#include "report/figures.h"
+#include "report/panel.h"
+#include "report/tables.h"
+
+namespace cale {
+namespace {
+
+constexpr std::size_t kMostEventPanels = 4;
+
+/// What each group did on one game; null where it did not play it.
+struct GameRow {
+    const Game* game = nullptr;
+    std::vector<const GameResult*> results{};  // by group
+};
+
+/// The games that some group has something to show of, in alphabetical order.
+template <class HasData>
+std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data) {
+    std::map<std::string_view, GameRow> rows;
+    for (std::size_t i = 0; i < comparison.results.size(); ++i) {
+        for (const auto& result : comparison.results[i].games) {
+            if (!has_data(result)) continue;
+            auto& row = rows[result.game->name];
+            row.game = result.game;
+            row.results.resize(comparison.results.size(), nullptr);
+            row.results[i] = &result;
+        }
+    }
+    std::vector<GameRow> sorted;
+    for (auto& [name, row] : rows) sorted.push_back(std::move(row));
+    return sorted;
+}
+
+bool has_curve(const GameResult& result) {
+    return result.curve.steps.size() > 1;
+}
+bool has_events(const GameResult& result) {
+    return !result.event_shares.empty();
+}
+bool has_rewards(const GameResult& result) {
+    return result.reward_quantiles.size() > 1;
+}
+
+/// Panels in rows of up to four, the wider the fewer they are.
+class Grid {
+  public:
+    Grid(std::size_t count, double top)
+        : columns_(std::clamp<std::size_t>(count, 1, 4)),
+          count_(count),
+          top_(top),
+          cell_width_(columns_ == 4   ? 262
+                      : columns_ == 3 ? 350
+                                      : 420) {}
+
+    double width() const { return static_cast<double>(columns_) * cell_width_ + kMargin; }
+    double bottom() const {
+        return top_ + static_cast<double>((count_ + columns_ - 1) / columns_) * cell_height();
+    }
+    /// Without its coordinate system.
+    Panel panel(std::size_t index) const {
+        const double x = static_cast<double>(index % columns_) * cell_width_;
+        const double y = top_ + static_cast<double>(index / columns_) * cell_height();
+        return {
+            .left = x + 58, .top = y + 34, .right = x + cell_width_ - 4, .bottom = y + cell_height() - 30};
+    }
+
+  private:
+    double cell_height() const { return 40 + 0.6 * cell_width_; }
+
+    std::size_t columns_;
+    std::size_t count_;
+    double top_;
+    double cell_width_;
+};
+
+/// A picture with a title, a legend, and below them a grid for so many panels.
+std::pair<Picture, Grid> small_multiples(const std::string& title, const Comparison& comparison,
+                                         std::size_t count) {
+    Picture picture = titled_picture(title, Grid(count, 0).width());
+    const double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
+    return {std::move(picture), Grid(count, top)};
+}
+
+void title_panel(Picture& picture, const Panel& panel, std::string_view title) {
+    picture.words.push_back(
+        {std::string(title), {panel.left, panel.top - 10}, kInk, 12.5, Anchor::start, true});
+}
+
+/// Baselines that leave the curves more than half of the panel; an unseen one is no lie, as the table has
+/// all.
+std::vector<double> baselines_in_sight(const Comparison& comparison, const Game& game, Interval curves) {
+    std::vector<double> scores;
+    const double span = curves.high - curves.low;
+    for (const auto& [baseline, aggregates] : comparison.baselines) {
+        const auto score = baseline.scores.find(game.name);
+        if (score == baseline.scores.end()) continue;
+        if (score->second > curves.low - span / 2 && score->second < curves.high + span / 2)
+            scores.push_back(score->second);
+    }
+    return scores;
+}
+
+void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std::vector<double>>& shares) {
+    const auto groups = static_cast<double>(shares.size());
+    const double row = (panel.bottom - panel.top) / kEventCount;
+    const double thickness = (row - 4) / groups;
+    for (const double tick : fitting_ticks(panel, 4, 11)) {
+        const double x = panel.to_x(tick);
+        draw_grid_line_at_x(picture, panel, tick);
+        picture.words.push_back(
+            {fmt::format("{:g}%", 100 * tick), {x, panel.bottom + 16}, kFaintInk, 11, Anchor::middle});
+    }
+    for (std::size_t event = 0; event < kEventCount; ++event) {
+        const double top = panel.top + row * static_cast<double>(event) + 2;
+        for (std::size_t group = 0; group < shares.size(); ++group) {
+            if (shares[group].empty()) continue;
+            const double y = top + thickness * static_cast<double>(group);
+            picture.areas.push_back(rectangle(panel.left, y, panel.to_x(shares[group][event]), y + thickness,
+                                              series_colour(group)));
+        }
+    }
+    picture.lines.push_back({{{panel.left, panel.top}, {panel.left, panel.bottom}}, kFaintInk, 1});
+}
+
+struct EventPanel {
+    std::string title{};
+    std::vector<std::vector<double>> shares{};  // by group and Event
+};
+
+/// A panel per game, or where that would be many, the mean over the games that all groups have.
+std::vector<EventPanel> event_panels(const Comparison& comparison) {
+    const auto rows = rows_with(comparison, has_events);
+    std::vector<EventPanel> panels;
+    for (const auto& row : rows) {
+        EventPanel panel{.title = std::string(row.game->name)};
+        for (const auto* result : row.results)
+            panel.shares.push_back(result == nullptr ? std::vector<double>() : result->event_shares);
+        panels.push_back(std::move(panel));
+    }
+    if (panels.size() <= kMostEventPanels) return panels;
+    std::erase_if(panels, [](const EventPanel& panel) {
+        return std::any_of(panel.shares.begin(), panel.shares.end(),
+                           [](const auto& own) { return own.empty(); });
+    });
+    if (panels.empty()) return panels;
+    EventPanel mean{.title = fmt::format("mean over {} games", panels.size())};
+    mean.shares.assign(comparison.results.size(), std::vector<double>(kEventCount, 0.0));
+    for (const auto& panel : panels)
+        for (std::size_t group = 0; group < mean.shares.size(); ++group)
+            for (std::size_t event = 0; event < kEventCount; ++event)
+                mean.shares[group][event] += panel.shares[group][event] / static_cast<double>(panels.size());
+    return {mean};
+}
+
+}  // namespace
+
+Picture game_curves_figure(const Comparison& comparison) {
+    const auto rows = rows_with(comparison, has_curve);
+    auto [picture, grid] = small_multiples("Learning curves, game by game", comparison, rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        std::vector<double> values;
+        double last_step = 1;
+        for (const auto* result : rows[i].results) {
+            if (result == nullptr) continue;
+            for (const auto& [value, low, high] : result->curve.values)
+                values.insert(values.end(), {value, low, high});
+            last_step = std::max(last_step, result->curve.steps.back());
+        }
+        const auto baselines = baselines_in_sight(comparison, *rows[i].game, room_for(values));
+        values.insert(values.end(), baselines.begin(), baselines.end());
+        Panel panel = grid.panel(i);
+        panel.x = {0, last_step};
+        panel.y = room_for(values);
+        draw_axes(picture, panel, 3, 4, 11);
+        title_panel(picture, panel, rows[i].game->name);
+        for (const double score : baselines) {
+            const double y = panel.to_y(score);
+            picture.lines.push_back({{{panel.left, y}, {panel.right, y}}, kFaintInk, 1, true});
+        }
+        for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
+            const auto* result = rows[i].results[group];
+            if (result != nullptr)
+                draw_curve(picture, panel, result->curve.steps, result->curve.values, group,
+                           result->runs.size() > 1);
+        }
+    }
+    finish_picture(
+        picture, grid.bottom(),
+        fmt::format("score over agent steps; mean of the runs ({}); bands: {:g} % bootstrap intervals of "
+                    "the mean, {} resamples{}",
+                    runs_text(comparison), 100 * comparison.config.bootstrap.confidence,
+                    std::min(comparison.config.bootstrap.resamples, kBandResamples),
+                    comparison.baselines.empty() ? "" : "; dashed: published scores near the curves"));
+    return picture;
+}
+
+Picture game_table_figure(const Comparison& comparison) {
+    constexpr double kRow = 21, kSize = 12, kGap = 22, kTop = 66;
+    const auto table = game_table(comparison);
+    std::vector<double> rights;  // of the columns
+    double x = kMargin;
+    for (std::size_t column = 0; column < table.header.size(); ++column) {
+        double width = text_width(table.header[column], kSize, true);
+        for (const auto& row : table.rows) width = std::max(width, text_width(row[column], kSize, true));
+        rights.push_back(x + width);
+        x += width + kGap;
+    }
+    Picture picture = titled_picture("Scores, game by game", x - kGap + kMargin);
+    const auto write = [&](const std::vector<std::string>& row, double y, auto&& is_bold, Colour colour) {
+        for (std::size_t column = 0; column < row.size(); ++column) {
+            const bool first = column == 0;
+            picture.words.push_back({row[column],
+                                     {first ? kMargin : rights[column], y},
+                                     colour,
+                                     kSize,
+                                     first ? Anchor::start : Anchor::end,
+                                     is_bold(column)});
+        }
+    };
+    write(
+        table.header, kTop, [](std::size_t) { return true; }, kInk);
+    picture.lines.push_back({{{kMargin, kTop + 7}, {rights.back(), kTop + 7}}, kFaintInk, 1});
+    double y = kTop;
+    for (std::size_t i = 0; i < table.rows.size(); ++i) {
+        y += kRow;
+        write(
+            table.rows[i], y, [&](std::size_t column) { return table.best[i][column]; }, kInk);
+        picture.lines.push_back({{{kMargin, y + 6}, {rights.back(), y + 6}}, kGrid, 1});
+    }
+    finish_picture(
+        picture, y + 10,
+        fmt::format("mean of the runs ({}) with {:g} % bootstrap interval, {} resamples; bold: the highest "
+                    "mean of the groups",
+                    runs_text(comparison), 100 * comparison.config.bootstrap.confidence,
+                    comparison.config.bootstrap.resamples));
+    return picture;
+}
+
+Picture event_figure(const Comparison& comparison) {
+    const auto panels = event_panels(comparison);
+    const double row = std::max(16.0, 5 * static_cast<double>(comparison.results.size()) + 4);
+    const double names = 118, panel_width = panels.size() == 1 ? 520 : 200, between = 26;
+    Picture picture = titled_picture(
+        "Joystick events", kMargin + names + static_cast<double>(panels.size()) * (panel_width + between));
+    const double top = 80 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
+    const double bottom = top + row * kEventCount;
+    double highest = 0.01;
+    for (const auto& panel : panels)
+        for (const auto& shares : panel.shares)
+            for (const double share : shares) highest = std::max(highest, share);
+    for (std::size_t event = 0; event < kEventCount; ++event) {
+        picture.words.push_back({std::string(event_name(static_cast<Event>(event))),
+                                 {kMargin + names - 8, top + row * (static_cast<double>(event) + 0.5) + 4},
+                                 kInk,
+                                 11,
+                                 Anchor::end});
+    }
+    for (std::size_t i = 0; i < panels.size(); ++i) {
+        const double left = kMargin + names + static_cast<double>(i) * (panel_width + between);
+        const Panel panel{.left = left,
+                          .top = top,
+                          .right = left + panel_width,
+                          .bottom = bottom,
+                          .x = {0, 1.05 * highest}};
+        title_panel(picture, panel, panels[i].title);
+        draw_event_bars(picture, panel, panels[i].shares);
+    }
+    finish_picture(
+        picture, bottom + 28,
+        "part of the agent steps of each run's newest evaluation at which the event was asked for; "
+        "mean over the runs (" +
+            runs_text(comparison) + ")");
+    return picture;
+}
+
+Picture reward_figure(const Comparison& comparison) {
+    const auto rows = rows_with(comparison, has_rewards);
+    auto [picture, grid] = small_multiples("Rewards of an agent step, by quantile", comparison, rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        std::vector<double> rewards;
+        for (const auto* result : rows[i].results)
+            if (result != nullptr)
+                for (const auto& [quantile, reward] : result->reward_quantiles) rewards.push_back(reward);
+        Panel panel = grid.panel(i);
+        panel.y = room_for(rewards);
+        draw_axes(picture, panel, 4, 4, 11);
+        title_panel(picture, panel, rows[i].game->name);
+        for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
+            const auto* result = rows[i].results[group];
+            if (result == nullptr) continue;
+            std::vector<double> x;
+            std::vector<Estimate> y;
+            for (const auto& [quantile, reward] : result->reward_quantiles) {
+                x.push_back(quantile);
+                y.push_back({reward, reward, reward});
+            }
+            draw_curve(picture, panel, x, y, group, false);
+        }
+    }
+    finish_picture(
+        picture, grid.bottom(),
+        "reward (vertical) that the given part of the agent steps (horizontal) of each run's newest "
+        "evaluation did not exceed; mean over the runs (" +
+            runs_text(comparison) + ")");
+    return picture;
+}
+
+std::vector<Figure> game_figures(const Comparison& comparison) {
+    std::vector<Figure> all;
+    if (!rows_with(comparison, has_curve).empty()) {
+        all.push_back({"game_curves", "Learning curves",
+                       "The score as each game counts it, over agent steps.",
+                       game_curves_figure(comparison)});
+    }
+    all.push_back(
+        {"game_scores", "Scores by game",
+         "The score as each game counts it. The highest mean of the groups is bold; where intervals "
+         "overlap, that means little.",
+         game_table_figure(comparison)});
+    if (!event_panels(comparison).empty()) {
+        all.push_back({"events", "Joystick events", "What the agents ask of the joystick when evaluated.",
+                       event_figure(comparison)});
+    }
+    if (!rows_with(comparison, has_rewards).empty()) {
+        all.push_back({"rewards", "Rewards", "How rewards are distributed over the steps of an evaluation.",
+                       reward_figure(comparison)});
+    }
+    return all;
+}
+
+}  // namespace cale

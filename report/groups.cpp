@@ -1,0 +1,172 @@
+#include "report/groups.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+
+namespace cale {
+namespace {
+
+constexpr std::size_t kMostSettingsInALabel = 3;
+
+using Runs = std::vector<const Run*>;
+
+std::string_view short_name(std::string_view key) {
+    return key.substr(key.rfind('.') + 1);
+}
+
+std::string value_of(const Run& run, const std::string& key) {
+    if (key == "agent") return run.agent;
+    const auto found = run.settings.find(key);
+    return found == run.settings.end() ? std::string() : found->second;
+}
+
+std::set<std::string> keys_of(const Runs& runs) {
+    std::set<std::string> keys;
+    for (const auto* run : runs)
+        for (const auto& [key, value] : run->settings) keys.insert(key);
+    return keys;
+}
+
+std::vector<std::string> values_of(const Run& run, const std::vector<std::string>& keys) {
+    std::vector<std::string> values;
+    for (const auto& key : keys) values.push_back(value_of(run, key));
+    return values;
+}
+
+std::size_t count_groups(const Runs& runs, const std::vector<std::string>& keys) {
+    std::set<std::vector<std::string>> different;
+    for (const auto* run : runs) different.insert(values_of(*run, keys));
+    return different.size();
+}
+
+/// As few settings as tell apart all that differ: one that splits no group further is passed over.
+std::vector<std::string> distinguishing_keys(const Runs& runs) {
+    std::vector<std::string> chosen;
+    std::size_t groups = 1;
+    for (const auto& key : keys_of(runs)) {
+        chosen.push_back(key);
+        const auto split = count_groups(runs, chosen);
+        if (split == groups) chosen.pop_back();
+        groups = split;
+    }
+    return chosen;
+}
+
+bool speaks_for_itself(const std::string& value) {
+    return !value.empty() && std::isalpha(static_cast<unsigned char>(value.front())) != 0 &&
+           value != "true" && value != "false" && value != "none";
+}
+
+std::string label_part(const std::string& key, const std::string& value) {
+    if (speaks_for_itself(value)) return value;
+    return value.empty() ? fmt::format("no {}", short_name(key))
+                         : fmt::format("{}={}", short_name(key), value);
+}
+
+std::string label_of(const Run& run, const std::vector<std::string>& keys) {
+    std::vector<std::string> parts;
+    for (const auto& key : keys) parts.push_back(label_part(key, value_of(run, key)));
+    return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+std::map<std::string, Runs> by_agent(const Runs& runs) {
+    std::map<std::string, Runs> agents;
+    for (const auto* run : runs) agents[run->agent].push_back(run);
+    return agents;
+}
+
+/// For each run its label.
+std::map<const Run*, std::string> labels_of_themselves(const Runs& runs) {
+    std::map<const Run*, std::string> labels;
+    const auto agents = by_agent(runs);
+    for (const auto& [agent, own] : agents) {
+        auto keys = distinguishing_keys(own);
+        if (keys.size() > kMostSettingsInALabel) {
+            std::set<std::vector<std::string>> different;
+            for (const auto* run : own) different.insert(values_of(*run, keys));
+            for (const auto* run : own) {
+                const auto place = std::distance(different.begin(), different.find(values_of(*run, keys)));
+                labels[run] = fmt::format("{} {}", agent, place + 1);
+            }
+            continue;
+        }
+        if (agents.size() > 1 || keys.empty()) keys.insert(keys.begin(), "agent");
+        for (const auto* run : own) labels[run] = label_of(*run, keys);
+    }
+    return labels;
+}
+
+std::string full_key(const std::string& wanted, const Runs& runs) {
+    if (wanted == "agent") return wanted;
+    const auto keys = keys_of(runs);
+    if (keys.contains(wanted)) return wanted;
+    std::vector<std::string> meant;
+    for (const auto& key : keys)
+        if (short_name(key) == wanted) meant.push_back(key);
+    if (meant.size() == 1) return meant.front();
+    if (meant.size() > 1)
+        throw std::invalid_argument(
+            fmt::format("--group-by {}: that may be {}", wanted, fmt::join(meant, " or ")));
+    std::vector<std::string> differing{"agent"};
+    for (const auto& key : keys)
+        if (count_groups(runs, {key}) > 1) differing.push_back(key);
+    throw std::invalid_argument(fmt::format("--group-by {}: no run has such a setting; the runs differ in {}",
+                                            wanted, fmt::join(differing, ", ")));
+}
+
+}  // namespace
+
+std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys) {
+    Runs pointers;
+    for (const auto& run : runs) pointers.push_back(&run);
+    std::map<const Run*, std::string> labels;
+    if (keys.empty()) {
+        labels = labels_of_themselves(pointers);
+    } else {
+        std::vector<std::string> full;
+        for (const auto& key : keys) full.push_back(full_key(key, pointers));
+        for (const auto* run : pointers) labels[run] = label_of(*run, full);
+    }
+    std::map<std::string, Group> groups;
+    for (auto& run : runs) {
+        const auto& label = labels.at(&run);
+        auto& group = groups[label];
+        group.label = label;
+        group.runs.push_back(std::move(run));
+    }
+    std::vector<Group> sorted;
+    for (auto& [label, group] : groups) sorted.push_back(std::move(group));
+    return sorted;
+}
+
+std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
+    std::map<std::string, std::vector<std::set<std::string>>> values;
+    for (std::size_t i = 0; i < groups.size(); ++i) {
+        for (const auto& run : groups[i].runs) {
+            for (const auto& [key, value] : run.settings) {
+                auto& row = values[key];
+                row.resize(groups.size());
+                row[i].insert(value);
+            }
+        }
+    }
+    std::vector<SettingRow> rows;
+    for (const auto& [key, of_groups] : values) {
+        const auto same = [&](const auto& some) { return some == of_groups.front(); };
+        const auto missing = [](const auto& some) { return some.empty(); };
+        if (std::all_of(of_groups.begin(), of_groups.end(), same)) continue;
+        if (std::any_of(of_groups.begin(), of_groups.end(), missing)) continue;
+        SettingRow row{.key = key};
+        for (const auto& some : of_groups) row.values.push_back(fmt::format("{}", fmt::join(some, " / ")));
+        rows.push_back(std::move(row));
+    }
+    return rows;
+}
+
+}  // namespace cale

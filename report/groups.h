@@ -1,0 +1,32 @@
+// Runs put together by what distinguishes them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "report/runs.h"
+
+namespace cale {
+
+/// Runs that differ in game and seed only, or in what the user chose to overlook.
+struct Group {
+    std::string label{};
+    std::vector<Run> runs{};
+};
+
+/// Without `keys`: runs of the same agent with the same settings are a group, and its label is the agent
+/// with the settings that tell it from the agent's other groups; where more than three are needed, a
+/// number, and differing_settings() tells more. With `keys` ("agent", "agent.encoder", or "encoder"
+/// for short): runs that agree in these are a group, whatever else differs.
+/// Throws std::invalid_argument for a key that no run has, naming those in which the runs differ.
+std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
+
+struct SettingRow {
+    std::string key{};
+    std::vector<std::string> values{};  // by group; where its runs differ, all of them
+};
+
+/// The settings that every group has and in which groups differ.
+std::vector<SettingRow> differing_settings(const std::vector<Group>& groups);
+
+}  // namespace cale

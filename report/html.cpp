@@ -1,0 +1,223 @@
+#include "report/html.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <string_view>
+#include <utility>
+
+#include "report/panel.h"
+#include "report/tables.h"
+
+namespace cale {
+namespace {
+
+constexpr std::string_view kStyle = R"(
+:root { --paper: #ffffff; --ground: #f6f7f9; --ink: #333a45; --strong: #14181f; --faint: #6b7380;
+        --grid: #e6e9ed; --accent: #0072b2; --warn: #fff6e5; --warn-edge: #e69f00; }
+@media (prefers-color-scheme: dark) {
+  :root { --paper: #191d23; --ground: #101318; --ink: #c9d0da; --strong: #f0f3f7; --faint: #949dab;
+          --grid: #2c323b; --accent: #56b4e9; --warn: #2a2416; --warn-edge: #e69f00; }
+}
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--ground); color: var(--ink);
+       font: 16px/1.55 system-ui, "Segoe UI", Helvetica, Arial, sans-serif; }
+main { max-width: 1200px; margin: 0 auto; padding: 32px 20px 80px; }
+h1 { color: var(--strong); font-size: 30px; line-height: 1.2; margin: 0 0 6px; }
+h2 { color: var(--strong); font-size: 21px; margin: 48px 0 4px; }
+p { margin: 6px 0 12px; max-width: 75ch; }
+.faint { color: var(--faint); }
+a { color: var(--accent); }
+nav { margin: 18px 0; display: flex; flex-wrap: wrap; gap: 6px 18px; }
+.card { background: var(--paper); border: 1px solid var(--grid); border-radius: 10px; padding: 14px 18px;
+        overflow-x: auto; margin: 12px 0; width: fit-content; max-width: 100%; }
+.card svg { display: block; }
+.note { background: var(--warn); border-left: 4px solid var(--warn-edge); border-radius: 6px;
+        padding: 10px 16px; margin: 18px 0; }
+.note ul, .plain { margin: 4px 0; padding-left: 20px; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 14.5px; }
+caption { text-align: left; color: var(--faint); padding: 0 0 6px; }
+th, td { padding: 5px 0 5px 20px; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--grid); }
+th:first-child, td:first-child { padding-left: 0; }
+.name { text-align: left; }
+thead th { color: var(--strong); }
+tbody th { font-weight: 400; }
+tr:last-child td, tr:last-child th { border-bottom: 0; }
+td.best { font-weight: 700; color: var(--strong); }
+code { font: 13.5px/1.5 ui-monospace, Menlo, Consolas, monospace; overflow-wrap: anywhere; }
+@media print { body { background: none; } .card { border: 0; } nav { display: none; } }
+)";
+
+/// Neutral colours follow the page's.
+std::string inline_svg(const Picture& picture) {
+    const std::array<std::pair<Colour, std::string_view>, 4> themes{{{kPaper, "var(--paper)"},
+                                                                     {kInk, "var(--ink)"},
+                                                                     {kFaintInk, "var(--faint)"},
+                                                                     {kGrid, "var(--grid)"}}};
+    std::string svg = to_svg(picture);
+    for (const auto& [colour, variable] : themes) {
+        const auto fixed = fmt::format("\"{}\"", to_hex(colour)), themed = fmt::format("\"{}\"", variable);
+        for (auto at = svg.find(fixed); at != svg.npos; at = svg.find(fixed, at + themed.size()))
+            svg.replace(at, fixed.size(), themed);
+    }
+    return svg;
+}
+
+std::string html_table(const Table& table, std::string_view caption) {
+    std::string html =
+        fmt::format("<div class=\"card\"><table>\n<caption>{}</caption>\n<thead><tr>", escaped(caption));
+    const auto kind = [&](std::size_t column) {
+        return column < table.name_columns ? std::string_view(" class=\"name\"") : std::string_view();
+    };
+    for (std::size_t column = 0; column < table.header.size(); ++column)
+        html += fmt::format("<th scope=\"col\"{}>{}</th>", kind(column), escaped(table.header[column]));
+    html += "</tr></thead>\n<tbody>\n";
+    for (std::size_t i = 0; i < table.rows.size(); ++i) {
+        html += "<tr>";
+        for (std::size_t column = 0; column < table.rows[i].size(); ++column) {
+            const auto text = escaped(table.rows[i][column]);
+            if (column < table.name_columns) {
+                html += fmt::format("<th scope=\"row\" class=\"name\">{}</th>", text);
+            } else {
+                const bool best = !table.best.empty() && table.best[i][column];
+                html += fmt::format("<td{}>{}</td>", best ? " class=\"best\"" : "", text);
+            }
+        }
+        html += "</tr>\n";
+    }
+    return html + "</tbody>\n</table></div>\n";
+}
+
+std::string html_list(const std::vector<std::string>& items) {
+    std::string html = "<ul class=\"plain\">\n";
+    for (const auto& item : items) html += fmt::format("<li>{}</li>\n", escaped(item));
+    return html + "</ul>\n";
+}
+
+std::string html_list(const std::vector<LeftOut>& items) {
+    std::vector<std::string> sentences;
+    for (const auto& item : items) sentences.push_back(fmt::format("{}: {}", item.what, item.why));
+    return html_list(sentences);
+}
+
+std::string heading(std::string_view id, std::string_view title) {
+    return fmt::format("<h2 id=\"{}\">{}</h2>\n", id, escaped(title));
+}
+
+std::string figure_section(const Comparison& comparison, const Figure& figure) {
+    std::string html =
+        heading(figure.name, figure.title) + fmt::format("<p>{}</p>\n", escaped(figure.caption));
+    if (figure.name == "game_scores") {
+        html += html_table(game_table(comparison), "Mean of the runs [interval]");
+    } else {
+        html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture));
+    }
+    html += fmt::format(
+        "<p class=\"faint\">As files: <a href=\"{0}.svg\">{0}.svg</a>, "
+        "<a href=\"{0}.png\">{0}.png</a></p>\n",
+        figure.name);
+    if (figure.name == "aggregates")
+        html += html_table(aggregate_table(comparison), "Human-normalised, estimate [interval]");
+    if (figure.name == "probability_of_improvement")
+        html += html_table(improvement_table(comparison), "Estimate [interval]");
+    return html;
+}
+
+std::string left_out_section(const Comparison& comparison) {
+    std::string html = heading("left_out", "What was left out");
+    const auto part = [&](std::string_view what, const std::vector<LeftOut>& items) {
+        if (!items.empty()) html += fmt::format("<p>{}</p>\n{}", what, html_list(items));
+    };
+    part("Games that are not in the aggregates:", comparison.left_out_games);
+    part("Runs:", comparison.left_out_runs);
+    part("Published scores:", comparison.left_out_baselines);
+    if (comparison.left_out_games.empty() && comparison.left_out_runs.empty() &&
+        comparison.left_out_baselines.empty()) {
+        html += "<p>Nothing.</p>\n";
+    }
+    return html;
+}
+
+std::string method_section(const Comparison& comparison, const PageOrigin& origin) {
+    const auto& bootstrap = comparison.config.bootstrap;
+    std::map<std::string, std::size_t> made_with;
+    for (const auto& group : comparison.groups)
+        for (const auto& run : group.runs)
+            if (!run.made_with.empty()) ++made_with[run.made_with];
+    std::vector<std::string> versions{origin.version + " made this page"};
+    for (const auto& [version, count] : made_with)
+        versions.push_back(fmt::format("{} made {} run{}", version, count, count == 1 ? "" : "s"));
+
+    std::string html = heading("method", "How this was made");
+    html += fmt::format("<div class=\"card\"><code>{}</code></div>\n", escaped(origin.command));
+    html += html_list(versions);
+    html += fmt::format(
+        "<p>A run's score is {}. Human-normalised: (score − random) / (human − random). Intervals are {:g} % "
+        "percentile intervals of a stratified bootstrap: {} resamples, {} for the bands of curves and "
+        "profiles, each "
+        "drawing every game's runs anew, with replacement, seed {}. Definitions: Agarwal et al. 2021, “Deep "
+        "Reinforcement Learning at the Edge of the Statistical Precipice”. The files *.csv beside this page "
+        "hold "
+        "every number.</p>\n",
+        comparison.config.score == ScoreKind::training
+            ? "the mean return of the last 100 games of its training, exploration included"
+            : "the mean return of its newest evaluation",
+        100 * bootstrap.confidence, bootstrap.resamples, std::min(bootstrap.resamples, kBandResamples),
+        bootstrap.seed);
+    return html;
+}
+
+std::string summary(const Comparison& comparison) {
+    std::size_t runs = 0;
+    for (const auto& group : comparison.groups) runs += group.runs.size();
+    const auto compared = comparison.games.size();
+    return fmt::format("{} run{} in {} group{}; {}; aggregates over {} game{}", runs, runs == 1 ? "" : "s",
+                       comparison.groups.size(), comparison.groups.size() == 1 ? "" : "s",
+                       runs_text(comparison), compared, compared == 1 ? "" : "s");
+}
+
+std::string game_names(const Comparison& comparison) {
+    std::vector<std::string_view> names;
+    for (const auto* game : comparison.games) names.push_back(game->name);
+    return fmt::format("{}", fmt::join(names, ", "));
+}
+
+}  // namespace
+
+std::string to_html(const Comparison& comparison, const std::vector<Figure>& figures,
+                    const PageOrigin& origin) {
+    std::string html = fmt::format(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+        "<meta name=\"color-scheme\" content=\"light dark\">\n<title>CALE: {}</title>\n<style>{}</style>\n"
+        "</head>\n<body>\n<main>\n<h1>{}</h1>\n<p class=\"faint\">{}. {}.</p>\n",
+        escaped(fmt::format("{}", fmt::join(labels_of(comparison), " | "))), kStyle,
+        "Runs on the Continuous Arcade Learning Environment", escaped(summary(comparison)),
+        escaped(origin.time));
+    if (!comparison.games.empty())
+        html += fmt::format("<p class=\"faint\">Games in the aggregates: {}.</p>\n",
+                            escaped(game_names(comparison)));
+
+    html += "<nav>";
+    for (const auto& figure : figures)
+        html += fmt::format("<a href=\"#{}\">{}</a>", figure.name, escaped(figure.title));
+    const auto settings = setting_table(comparison);
+    if (!settings.rows.empty()) html += "<a href=\"#settings\">Settings</a>";
+    html += "<a href=\"#left_out\">Left out</a><a href=\"#method\">Method</a></nav>\n";
+
+    if (!comparison.notes.empty())
+        html += "<div class=\"note\"><strong>Before you believe a figure</strong>\n" +
+                html_list(comparison.notes) + "</div>\n";
+    for (const auto& figure : figures) html += figure_section(comparison, figure);
+    if (!settings.rows.empty())
+        html += heading("settings", "Settings in which groups differ") +
+                html_table(settings, "Those that all groups have; the rest is in each run's config.yaml");
+    html += left_out_section(comparison);
+    html += method_section(comparison, origin);
+    return html + "</main>\n</body>\n</html>\n";
+}
+
+}  // namespace cale

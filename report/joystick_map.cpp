@@ -1,0 +1,199 @@
+#include "report/joystick_map.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string_view>
+
+#include "report/panel.h"
+
+namespace cale {
+namespace {
+
+using Polygon = std::vector<Point>;
+
+constexpr double kPi = std::numbers::pi;
+
+Polygon unit_disc() {
+    constexpr int kCorners = 720;
+    Polygon disc;
+    for (int i = 0; i < kCorners; ++i) {
+        const double angle = 2 * kPi * i / kCorners;
+        disc.push_back({std::cos(angle), std::sin(angle)});
+    }
+    return disc;
+}
+
+/// The part of a convex polygon where `height` is positive; it is linear. (Sutherland and Hodgman 1974)
+Polygon cut(const Polygon& polygon, const std::function<double(Point)>& height) {
+    Polygon kept;
+    for (std::size_t i = 0; i < polygon.size(); ++i) {
+        const auto a = polygon[i], b = polygon[(i + 1) % polygon.size()];
+        const double above_a = height(a), above_b = height(b);
+        if (above_a > 0) kept.push_back(a);
+        if ((above_a > 0) != (above_b > 0)) {
+            const double part = above_a / (above_a - above_b);
+            kept.push_back({a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)});
+        }
+    }
+    return kept;
+}
+
+Point centre_of(const Polygon& polygon) {
+    Point centre;
+    for (const auto& corner : polygon) {
+        centre.x += corner.x / static_cast<double>(polygon.size());
+        centre.y += corner.y / static_cast<double>(polygon.size());
+    }
+    return centre;
+}
+
+Event event_at(Point stick, bool fire, double threshold) {
+    const ContinuousAction action{.radius = static_cast<float>(std::hypot(stick.x, stick.y)),
+                                  .theta = static_cast<float>(std::atan2(stick.y, stick.x)),
+                                  .fire = fire ? 1.0f : 0.0f};
+    return joystick_event(action, static_cast<float>(threshold));
+}
+
+/// -1, 0 or 1 to the right and up.
+Point direction_of(Event event) {
+    const auto name = event_name(event);
+    const auto has = [&](std::string_view word) { return name.find(word) != name.npos ? 1.0 : 0.0; };
+    return {has("RIGHT") - has("LEFT"), has("UP") - has("DOWN")};
+}
+
+Colour region_colour(Point direction) {
+    if (direction.x == 0 && direction.y == 0) return series_colour(6);
+    return series_colour(direction.x != 0 && direction.y != 0 ? 2 : 0);
+}
+
+void draw_label(Picture& picture, Point at, Anchor anchor, Event event, double share) {
+    picture.words.push_back({std::string(event_name(event)), at, kInk, 12.5, anchor, true});
+    picture.words.push_back(
+        {fmt::format("{:.1f}%", 100 * share), {at.x, at.y + 15}, kFaintInk, 11.5, anchor});
+}
+
+void draw_disc(Picture& picture, Point centre, double radius, bool fire, double threshold,
+               const std::vector<double>& shares) {
+    const auto to_picture = [&](Point p) { return Point{centre.x + radius * p.x, centre.y - radius * p.y}; };
+    for (const auto& region : joystick_regions(threshold)) {
+        Polygon outline;
+        for (const auto& corner : region.outline) outline.push_back(to_picture(corner));
+        const auto direction = direction_of(region.event);
+        picture.areas.push_back({outline, region_colour(direction), fire ? 0.5 : 0.25});
+        outline.push_back(outline.front());
+        picture.lines.push_back({outline, kInk, 1.2});
+
+        const auto event = event_at(centre_of(region.outline), fire, threshold);
+        const double share = shares[static_cast<std::size_t>(event)];
+        const double length = std::hypot(direction.x, direction.y);
+        if (length == 0) {
+            draw_label(picture, {centre.x, centre.y - 2}, Anchor::middle, event, share);
+            continue;
+        }
+        auto at = to_picture({1.07 * direction.x / length, 1.07 * direction.y / length});
+        at.y += direction.y > 0 ? -16 : direction.y < 0 ? 12 : -3;
+        draw_label(picture, at,
+                   direction.x > 0   ? Anchor::start
+                   : direction.x < 0 ? Anchor::end
+                                     : Anchor::middle,
+                   event, share);
+    }
+}
+
+}  // namespace
+
+std::vector<JoystickRegion> joystick_regions(double threshold) {
+    const auto beyond = [&](int side, auto&& coordinate, Polygon polygon) {
+        if (side > 0) return cut(polygon, [&](Point p) { return coordinate(p) - threshold; });
+        if (side < 0) return cut(polygon, [&](Point p) { return -coordinate(p) - threshold; });
+        polygon = cut(polygon, [&](Point p) { return threshold - coordinate(p); });
+        return cut(polygon, [&](Point p) { return threshold + coordinate(p); });
+    };
+    std::vector<JoystickRegion> regions;
+    for (const int vertical : {1, 0, -1}) {
+        for (const int horizontal : {-1, 0, 1}) {
+            auto outline = beyond(
+                horizontal, [](Point p) { return p.x; }, unit_disc());
+            outline = beyond(
+                vertical, [](Point p) { return p.y; }, std::move(outline));
+            if (outline.size() < 3) continue;
+            const auto event = event_at(centre_of(outline), false, threshold);
+            regions.push_back({event, std::move(outline)});
+        }
+    }
+    return regions;
+}
+
+std::vector<double> event_shares_of_random_actions(double threshold) {
+    constexpr int kRadii = 500, kAngles = 1440;
+    std::vector<double> shares(kEventCount, 0.0);
+    for (int i = 0; i < kRadii; ++i) {
+        const double radius = (i + 0.5) / kRadii;
+        for (int j = 0; j < kAngles; ++j) {
+            const double angle = 2 * kPi * (j + 0.5) / kAngles;
+            const Point stick{radius * std::cos(angle), radius * std::sin(angle)};
+            const double part = 1.0 / (kRadii * kAngles);
+            shares[static_cast<std::size_t>(event_at(stick, false, threshold))] += part * threshold;
+            shares[static_cast<std::size_t>(event_at(stick, true, threshold))] += part * (1 - threshold);
+        }
+    }
+    return shares;
+}
+
+Picture joystick_map(double threshold) {
+    constexpr double kRadius = 150, kRoom = 130, kTop = 130;
+    constexpr double kCell = 2 * (kRadius + kRoom);
+    const auto shares = event_shares_of_random_actions(threshold);
+    Picture picture = titled_picture(fmt::format("Joystick events at threshold {:g}", threshold), 2 * kCell);
+    for (const bool fire : {false, true}) {
+        const Point centre{kCell * (fire ? 1.5 : 0.5), kTop + kRadius};
+        picture.words.push_back(
+            {fire ? fmt::format("fire > {:g}", threshold) : fmt::format("fire up to {:g}", threshold),
+             {centre.x, 72},
+             kInk,
+             14,
+             Anchor::middle,
+             true});
+        draw_disc(picture, centre, kRadius, fire, threshold, shares);
+    }
+    finish_picture(
+        picture, kTop + 2 * kRadius + 50,
+        "The disc of the stick: its distance from the centre is r, its angle theta, counter-clockwise "
+        "from the right. Percentages: the part of uniformly random actions (r, theta, fire).");
+    return picture;
+}
+
+std::string joystick_map_text(double threshold) {
+    constexpr int kRows = 21, kColumns = 43;  // a character is about twice as high as it is wide
+    const auto sign = [](Point direction) {
+        constexpr std::array<std::string_view, 3> kSigns{"/v\\", "<.>", "\\^/"};
+        return kSigns[static_cast<std::size_t>(direction.y + 1)][static_cast<std::size_t>(direction.x + 1)];
+    };
+    std::string text = fmt::format("Joystick events at threshold {:g}\n\n", threshold);
+    for (int row = 0; row < kRows; ++row) {
+        std::string line;
+        for (int column = 0; column < kColumns; ++column) {
+            const Point stick{2 * (column + 0.5) / kColumns - 1, 1 - 2 * (row + 0.5) / kRows};
+            const bool inside = std::hypot(stick.x, stick.y) <= 1;
+            line += inside ? sign(direction_of(event_at(stick, false, threshold))) : ' ';
+        }
+        text += "  " + line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+    }
+    text += fmt::format("\nof uniformly random actions   fire up to {0:g}       fire > {0:g}\n", threshold);
+    const auto shares = event_shares_of_random_actions(threshold);
+    for (int i = 0; i < kEventCount; ++i) {
+        const auto event = static_cast<Event>(i);
+        if (event_name(event).find("FIRE") != std::string_view::npos) continue;
+        const auto with_fire = event == Event::noop ? Event::fire : static_cast<Event>(i + 8);
+        const auto share = [&](Event of) { return 100 * shares[static_cast<std::size_t>(of)]; };
+        text += fmt::format("  {}  {:<9}  {:>17.1f} %  {:>13.1f} %  {}\n", sign(direction_of(event)),
+                            event_name(event), share(event), share(with_fire), event_name(with_fire));
+    }
+    return text;
+}
+
+}  // namespace cale

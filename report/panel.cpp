@@ -1,0 +1,178 @@
+#include "report/panel.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace cale {
+namespace {
+
+constexpr std::array<Colour, 7> kSeriesColours{{
+    {0x00, 0x72, 0xb2},  // blue
+    {0xd5, 0x5e, 0x00},  // vermilion
+    {0x00, 0x9e, 0x73},  // bluish green
+    {0xcc, 0x79, 0xa7},  // reddish purple
+    {0xe6, 0x9f, 0x00},  // orange
+    {0x56, 0xb4, 0xe9},  // sky blue
+    {0x6f, 0x6f, 0x6f},  // for their black, which text has
+}};
+
+}  // namespace
+
+Colour series_colour(std::size_t index) {
+    return kSeriesColours[index % kSeriesColours.size()];
+}
+
+bool series_dashed(std::size_t index) {
+    return index / kSeriesColours.size() % 2 == 1;
+}
+
+std::vector<double> nice_ticks(double low, double high, int count) {
+    const double raw = (high - low) / count;
+    const double power = std::pow(10, std::floor(std::log10(raw)));
+    const double digit = raw / power;
+    const double step = power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
+    std::vector<double> ticks;
+    const double slack = 1e-9 * step;
+    for (double i = std::ceil((low - slack) / step); i * step <= high + slack; ++i)
+        ticks.push_back(i == 0 ? 0 : i * step);
+    return ticks;
+}
+
+std::vector<std::string> tick_texts(const std::vector<double>& ticks) {
+    double largest = 0;
+    for (const double tick : ticks) largest = std::max(largest, std::abs(tick));
+    const double unit = largest >= 1e6 ? 1e6 : largest >= 1e4 ? 1e3 : 1;
+    const auto* suffix = unit == 1e6 ? "M" : unit == 1e3 ? "k" : "";
+    std::vector<std::string> texts;
+    for (const double tick : ticks)
+        texts.push_back(fmt::format("{:g}{}", tick / unit, tick == 0 ? "" : suffix));
+    return texts;
+}
+
+Interval room_for(std::span<const double> values) {
+    if (values.empty()) return {};
+    auto [low, high] = std::minmax_element(values.begin(), values.end());
+    const double span = *high - *low;
+    const double room = span > 0 ? 0.05 * span : std::max(1.0, 0.1 * std::abs(*low));
+    return {*low - room, *high + room};
+}
+
+Picture titled_picture(const std::string& title, double width) {
+    constexpr double kSize = 17;
+    Picture picture{.title = title};
+    picture.width =
+        static_cast<int>(std::ceil(std::max(width, text_width(title, kSize, true) + 2 * kMargin)));
+    picture.words.push_back({title, {kMargin, 32}, kInk, kSize, Anchor::start, true});
+    return picture;
+}
+
+void finish_picture(Picture& picture, double bottom, const std::string& method) {
+    constexpr double kSize = 11, kRow = 15;
+    for (const auto& line : wrapped(method, picture.width - 2 * kMargin, kSize)) {
+        bottom += kRow;
+        picture.words.push_back({line, {kMargin, bottom}, kFaintInk, kSize});
+    }
+    picture.height = static_cast<int>(std::ceil(bottom + kRow));
+}
+
+std::vector<double> fitting_ticks(const Panel& panel, int count, double text_size) {
+    auto ticks = nice_ticks(panel.x.low, panel.x.high, count);
+    for (; count > 1; --count) {
+        double width = 0;
+        for (const auto& text : tick_texts(ticks)) width += text_width(text, text_size) + text_size;
+        if (width <= panel.right - panel.left + text_size) break;
+        ticks = nice_ticks(panel.x.low, panel.x.high, count - 1);
+    }
+    return ticks;
+}
+
+void draw_grid_line_at_x(Picture& picture, const Panel& panel, double value) {
+    const double x = panel.to_x(value);
+    picture.areas.push_back(rectangle(x - 0.5, panel.top, x + 0.5, panel.bottom, kGrid));
+}
+
+void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value) {
+    const double y = panel.to_y(value);
+    picture.areas.push_back(rectangle(panel.left, y - 0.5, panel.right, y + 0.5, kGrid));
+}
+
+void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, double text_size) {
+    const auto rows = nice_ticks(panel.y.low, panel.y.high, y_ticks);
+    const auto row_texts = tick_texts(rows);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        draw_grid_line_at_y(picture, panel, rows[i]);
+        picture.words.push_back({row_texts[i],
+                                 {panel.left - 7, panel.to_y(rows[i]) + 0.35 * text_size},
+                                 kFaintInk,
+                                 text_size,
+                                 Anchor::end});
+    }
+    const auto columns = fitting_ticks(panel, x_ticks, text_size);
+    const auto column_texts = tick_texts(columns);
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+        const double x = panel.to_x(columns[i]);
+        picture.lines.push_back({{{x, panel.bottom}, {x, panel.bottom + 4}}, kFaintInk, 1});
+        picture.words.push_back(
+            {column_texts[i], {x, panel.bottom + 6 + text_size}, kFaintInk, text_size, Anchor::middle});
+    }
+    picture.lines.push_back({{{panel.left, panel.bottom}, {panel.right, panel.bottom}}, kFaintInk, 1});
+}
+
+void draw_curve(Picture& picture, const Panel& panel, const std::vector<double>& x,
+                const std::vector<Estimate>& y, std::size_t series, bool with_band) {
+    std::vector<Point> line, band;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+        line.push_back({panel.to_x(x[i]), panel.to_y(y[i].value)});
+        band.push_back({panel.to_x(x[i]), panel.to_y(y[i].high)});
+    }
+    for (std::size_t i = x.size(); i-- > 0;) band.push_back({panel.to_x(x[i]), panel.to_y(y[i].low)});
+    const auto colour = series_colour(series);
+    if (with_band) picture.areas.push_back({band, colour, 0.18});
+    picture.lines.push_back({line, colour, 2, series_dashed(series)});
+}
+
+double draw_legend(Picture& picture, const std::vector<std::string>& names, double left, double right,
+                   double top) {
+    constexpr double kSample = 24, kGap = 7, kBetween = 22, kRow = 19, kSize = 12.5;
+    double x = left, y = top + kRow / 2;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        const double width = kSample + kGap + text_width(names[i], kSize);
+        if (x > left && x + width > right) {
+            x = left;
+            y += kRow;
+        }
+        picture.lines.push_back({{{x, y}, {x + kSample, y}}, series_colour(i), 3, series_dashed(i)});
+        picture.words.push_back({names[i], {x + kSample + kGap, y + 4}, kInk, kSize});
+        x += width + kBetween;
+    }
+    return y + kRow / 2 - top;
+}
+
+double widest(const std::vector<std::string>& texts, double size) {
+    double width = 0;
+    for (const auto& text : texts) width = std::max(width, text_width(text, size));
+    return width;
+}
+
+std::vector<std::string> wrapped(std::string_view text, double width, double size) {
+    std::vector<std::string> lines;
+    std::string line;
+    while (!text.empty()) {
+        const auto space = std::min(text.find(' '), text.size());
+        const auto word = text.substr(0, space);
+        if (!line.empty() && text_width(line, size) + text_width(word, size) + size > width) {
+            lines.push_back(line);
+            line.clear();
+        }
+        if (!line.empty()) line += ' ';
+        line += word;
+        text.remove_prefix(std::min(space + 1, text.size()));
+    }
+    if (!line.empty()) lines.push_back(line);
+    return lines;
+}
+
+}  // namespace cale

@@ -1,0 +1,29 @@
+#include "report/report.h"
+
+#include "report/csv.h"
+#include "report/figures.h"
+#include "report/tables.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigin& origin,
+                                   const fs::path& folder) {
+    fs::create_directories(folder);
+    const auto pictures = figures(comparison);
+    std::vector<fs::path> files{folder / "report.html"};
+    write_text(files.front(), to_html(comparison, pictures, origin));
+    for (const auto& figure : pictures) {
+        for (const auto* extension : {".svg", ".png"}) {
+            files.push_back(folder / (figure.name + extension));
+            write_picture(figure.picture, files.back());
+        }
+    }
+    for (const auto& csv : csv_files(comparison)) {
+        files.push_back(folder / csv.name);
+        write_text(files.back(), csv.text);
+    }
+    return files;
+}
+
+}  // namespace cale

@@ -1,0 +1,61 @@
+// Runs as a report sees them: who played what with which settings, and how the scores grew.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "cale/games.h"
+
+namespace cale {
+
+/// training: the mean return of the newest hundred games of training, exploration and all, which is
+/// what the paper reports. evaluation: the mean return of an evaluation (eval/step_*.csv).
+enum class ScoreKind { training, evaluation };
+
+struct RewardQuantile {
+    double quantile = 0;  // [0, 1]
+    double reward = 0;
+};
+
+struct Run {
+    std::filesystem::path folder{};
+    std::string agent{};  // "sac"
+    const Game* game = nullptr;
+    std::uint64_t seed = 0;
+    std::string made_with{};  // "cale 0.1.0, ALE 0.12.1, LibTorch 2.11.0"
+    // "agent.encoder" -> "phi_sac": all settings but those that no result depends on, such as how
+    // often to log, and the game and the seed.
+    std::map<std::string, std::string> settings{};
+    // The score as it stood after each of these agent steps, ascending; the last is the run's.
+    std::vector<double> steps{};
+    std::vector<double> scores{};
+    std::int64_t games_in_score = 0;  // behind the last score
+    bool finished = true;             // whether it took all the steps that it was to take
+    // Of its newest evaluation, by Event, adding up to 1. Empty where none was recorded.
+    std::vector<double> event_shares{};
+    std::vector<RewardQuantile> reward_quantiles{};  // likewise
+
+    double score() const { return scores.back(); }
+};
+
+struct LeftOut {
+    std::string what{};
+    std::string why{};
+};
+
+struct FoundRuns {
+    std::vector<Run> runs{};          // by folder
+    std::vector<LeftOut> left_out{};  // folders that look like runs and cannot be used
+};
+
+/// The runs that are these folders or lie below them: folders with an episodes.csv beside a
+/// config.yaml or metadata.json. Of two runs with the same agent, settings, game and seed, which
+/// tell the same thing twice, the longer one stays. Half a last line, as a killed run leaves it, is
+/// passed over. Throws std::runtime_error where a path is no folder; what is wrong further down
+/// leaves out that run alone.
+FoundRuns find_runs(const std::vector<std::filesystem::path>& paths, ScoreKind kind);
+
+}  // namespace cale

@@ -1,0 +1,161 @@
+#include "report/comparison.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "report/csv.h"
+#include "report/run_folders.h"
+#include "report/tables.h"
+
+namespace cale {
+namespace {
+
+using ::testing::Contains;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::SizeIs;
+
+const ComparisonConfig kQuick{.bootstrap = {.resamples = 500}};
+
+class Comparing : public ::testing::Test {
+  protected:
+    Comparison compared(const std::vector<Baseline>& baselines = {}, ComparisonConfig config = kQuick) const {
+        return compare(find_runs({folders_.path()}, config.score), baselines, config);
+    }
+
+    test::RunFolders folders_{"comparison"};
+};
+
+TEST_F(Comparing, OnlyGamesThatAllHavePlayedAndThatHaveAHumanScore) {
+    for (const auto* agent : {"sac", "dqn"}) {
+        folders_.run(fmt::format("{}_pong", agent), agent, "Pong", 1, {-20.7});
+        folders_.run(fmt::format("{}_air_raid", agent), agent, "AirRaid", 1, {400});
+    }
+    folders_.run("sac_boxing", "sac", "Boxing", 1, {12.1});
+    const auto comparison = compared();
+    ASSERT_THAT(comparison.games, SizeIs(1));
+    EXPECT_EQ(comparison.games[0]->name, "Pong");
+    ASSERT_THAT(comparison.left_out_games, SizeIs(2));
+    EXPECT_EQ(comparison.left_out_games[0].what, "AirRaid");
+    EXPECT_THAT(comparison.left_out_games[0].why, HasSubstr("no human score"));
+    EXPECT_EQ(comparison.left_out_games[1].what, "Boxing");
+    EXPECT_EQ(comparison.left_out_games[1].why, "no run of dqn");
+    EXPECT_THAT(labels_of(comparison), ElementsAre("dqn", "sac"));
+    EXPECT_THAT(comparison.results[1].games, SizeIs(3)) << "tables and curves show them all";
+    EXPECT_NEAR(comparison.results[1].aggregates[0].value, 0, 1e-12);
+}
+
+TEST_F(Comparing, WithoutACommonGameThereAreStillTables) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    folders_.run("b", "dqn", "Boxing", 1, {1});
+    const auto comparison = compared({{"nobody", {{"Pong", 3}}}});
+    EXPECT_THAT(comparison.games, IsEmpty());
+    EXPECT_THAT(comparison.improvements, IsEmpty());
+    EXPECT_THAT(comparison.notes, Contains(HasSubstr("no game")));
+    EXPECT_THAT(game_table(comparison).rows, SizeIs(2));
+}
+
+TEST_F(Comparing, CurvesHoldWhereAllRunsHaveAScore) {
+    folders_.run("a", "sac", "Pong", 1, {-20, -18, -16, -14});  // games end at 100, 200, 300, 400
+    folders_.run("b", "sac", "Pong", 2, {-10, -10});
+    const auto comparison = compared();
+    const auto& game = comparison.results.at(0).games.at(0);
+    ASSERT_FALSE(game.curve.steps.empty());
+    EXPECT_DOUBLE_EQ(game.curve.steps.front(), 100);
+    EXPECT_DOUBLE_EQ(game.curve.steps.back(), 200);
+    EXPECT_DOUBLE_EQ(game.curve.values.front().value, -15);
+    EXPECT_DOUBLE_EQ(game.curve.values.back().value, -14.5);
+    EXPECT_DOUBLE_EQ(game.mean.value, -13.5) << "the longer run counts to its end";
+    EXPECT_DOUBLE_EQ(game.curve.values.back().low, -19);
+    EXPECT_DOUBLE_EQ(game.curve.values.back().high, -10);
+    EXPECT_THAT(comparison.results[0].curve_steps, SizeIs(game.curve.steps.size()));
+}
+
+TEST_F(Comparing, SaysWhatAReaderMustKnow) {
+    folders_.run("a1", "sac", "Pong", 1, {-20});
+    folders_.run("b1", "dqn", "Pong", 1, {-20});
+    folders_.run("b2", "dqn", "Pong", 2, {-20}, "train: {total_steps: 9000}\n");
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    const auto comparison = compared({}, config);
+    EXPECT_FALSE(comparison.results[1].has_interval());
+    EXPECT_THAT(comparison.notes, Contains(HasSubstr("no interval: sac.")));
+    EXPECT_THAT(comparison.notes, Contains(HasSubstr("dqn (2)")));
+    EXPECT_THAT(comparison.notes, Contains(HasSubstr("b2 is unfinished")));
+    EXPECT_THAT(comparison.notes, Not(Contains(HasSubstr("b1"))));
+}
+
+TEST_F(Comparing, BaselinesNeedAllTheGames) {
+    folders_.run("a", "sac", "Pong", 1, {-20});
+    folders_.run("b", "sac", "Boxing", 1, {1});
+    const auto csv = folders_.write("table.csv",
+                                    "game,cale60,whole,half\nPong,1,14.6,3\nms_pacman,1,5,\n"
+                                    "Boxing,1,12.1,\nDefender,0,9,9\n");
+    const auto comparison = compared(read_baselines(csv, {"whole", "half"}));
+    ASSERT_THAT(comparison.baselines, SizeIs(1));
+    EXPECT_EQ(comparison.baselines[0].baseline.name, "whole");
+    for (const auto metric : {Metric::iqm, Metric::median, Metric::mean})
+        EXPECT_NEAR(comparison.baselines[0].aggregates[static_cast<std::size_t>(metric)].value, 1, 1e-12);
+    ASSERT_THAT(comparison.left_out_baselines, SizeIs(1));
+    EXPECT_THAT(comparison.left_out_baselines[0].why, HasSubstr("no score for Boxing"));
+    try {
+        read_baselines(csv, {"cale60"});
+        FAIL();
+    } catch (const std::invalid_argument& error) {
+        EXPECT_THAT(error.what(), HasSubstr("there are whole, half"));
+    }
+}
+
+TEST_F(Comparing, ComparesEveryPairOnce) {
+    for (const auto* agent : {"a", "b", "c"})
+        for (const int seed : {1, 2})
+            folders_.run(fmt::format("{}{}", agent, seed), agent, "Pong", static_cast<std::uint64_t>(seed),
+                         {agent[0] == 'b' ? 20.0 + seed : -20.0});
+    const auto comparison = compared();
+    ASSERT_THAT(comparison.improvements, SizeIs(3));
+    EXPECT_DOUBLE_EQ(comparison.improvements[0].probability.value, 0) << "a over b";
+    EXPECT_DOUBLE_EQ(comparison.improvements[1].probability.value, 0.5) << "a over c";
+    EXPECT_DOUBLE_EQ(comparison.improvements[2].probability.value, 1) << "b over c";
+    EXPECT_DOUBLE_EQ(comparison.thresholds.front(), 0);
+    EXPECT_DOUBLE_EQ(comparison.thresholds.back(), 1.5);
+}
+
+TEST_F(Comparing, TablesHoldEveryNumber) {
+    folders_.run("a", "sac", "Pong", 1, {-20.7}, "agent: {encoder: phi_sac, gamma: 1}\n");
+    folders_.run("b", "sac", "Pong", 2, {14.6}, "agent: {encoder: phi_sac, gamma: 1}\n");
+    folders_.run("c", "sac", "Pong", 1, {14.6}, "agent: {encoder: phi_dqn, gamma: 2}\n");
+    ComparisonConfig config = kQuick;
+    config.group_by = {"encoder", "gamma"};  // labels with a comma
+    const auto comparison = compared({}, config);
+    for (const auto& [name, text] : csv_files(comparison)) folders_.write("csv/" + name, text);
+    const auto scores = folders_.path() / "csv/scores.csv";
+    std::ifstream file(scores);
+    std::string line;
+    std::getline(file, line);
+    EXPECT_EQ(line, "group,agent,game,seed,step,games_in_score,score,human_normalized,folder");
+    std::getline(file, line);
+    EXPECT_EQ(line, fmt::format("\"phi_dqn, gamma=2\",sac,Pong,1,100,1,14.6,1,{}",
+                                (folders_.path() / "c").string()));
+    EXPECT_TRUE(std::filesystem::exists(folders_.path() / "csv/aggregates.csv"));
+    EXPECT_TRUE(std::filesystem::exists(folders_.path() / "csv/probability_of_improvement.csv"));
+    EXPECT_FALSE(std::filesystem::exists(folders_.path() / "csv/events.csv")) << "there are none";
+    const auto text = to_text(aggregate_table(comparison));
+    EXPECT_THAT(text, HasSubstr("phi_dqn, gamma=2  1.000"));
+    EXPECT_THAT(text, HasSubstr("0.500 [0.000, 1.000]"));
+}
+
+TEST(Csv, QuotesWhatNeedsIt) {
+    EXPECT_EQ(csv_line({"", "a", "b,c", "d\"e"}), ",a,\"b,c\",\"d\"\"e\"\n");
+}
+
+TEST_F(Comparing, OfNothingIsRefused) {
+    EXPECT_THROW(compared(), std::exception);
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,251 @@
+#include "report/figures.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <opencv2/imgcodecs.hpp>
+
+#include "cale/action.h"
+#include "report/joystick_map.h"
+#include "report/panel.h"
+#include "report/run_folders.h"
+
+namespace cale {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Figures : public ::testing::Test {
+  protected:
+    /// Two agents with long names, `games` games, two seeds, evaluations with events and rewards.
+    Comparison comparison(std::size_t game_count) const {
+        for (const auto* agent : {"sac", "a_rather_long_name_of_an_agent"}) {
+            std::size_t i = 0;
+            for (const auto& game : games()) {
+                if (i++ == game_count) break;
+                for (const std::uint64_t seed : {1, 2}) {
+                    const auto folder = fmt::format("{}_{}_{}", agent, game.rom, seed);
+                    const double score = static_cast<double>(seed * 100 + i);
+                    folders_.run(folder, agent, std::string(game.name), seed, {score, 2 * score, 50});
+                    folders_.write(folder + "/eval/step_000000300_events.csv",
+                                   "event,count\nUP,3\nUPFIRE,1\n");
+                    folders_.write(folder + "/eval/step_000000300_rewards.csv",
+                                   "quantile,reward\n0,0\n1,7\n");
+                }
+            }
+        }
+        return compare(find_runs({folders_.path()}, ScoreKind::training), {{"published", {{"Alien", 500}}}},
+                       {.bootstrap = {.resamples = 200}});
+    }
+
+    test::RunFolders folders_{"figures"};
+};
+
+std::vector<std::string> words_of(const Picture& picture) {
+    std::vector<std::string> all;
+    for (const auto& words : picture.words) all.push_back(words.text);
+    return all;
+}
+
+struct Box {
+    double left, top, right, bottom;
+};
+
+Box box_of(const Words& words) {
+    const double width = text_width(words.text, words.size, words.bold) * 0.9;
+    const double left = words.position.x - (words.anchor == Anchor::start    ? 0
+                                            : words.anchor == Anchor::middle ? width / 2
+                                                                             : width);
+    return {left, words.position.y - 0.7 * words.size, left + width, words.position.y};
+}
+
+/// No word over another, nothing outside the picture.
+void expect_tidy(const Figure& figure) {
+    SCOPED_TRACE(figure.name);
+    const auto& picture = figure.picture;
+    for (std::size_t i = 0; i < picture.words.size(); ++i) {
+        const auto a = box_of(picture.words[i]);
+        EXPECT_TRUE(a.left >= 0 && a.right <= picture.width && a.top >= 0 && a.bottom <= picture.height)
+            << picture.words[i].text << " leaves the picture";
+        for (std::size_t j = 0; j < i; ++j) {
+            const auto b = box_of(picture.words[j]);
+            EXPECT_TRUE(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top)
+                << '\'' << picture.words[i].text << "' overlaps '" << picture.words[j].text << '\'';
+        }
+    }
+    const auto inside = [&](const std::vector<Point>& points) {
+        return std::all_of(points.begin(), points.end(), [&](Point p) {
+            return p.x >= 0 && p.x <= picture.width && p.y >= 0 && p.y <= picture.height;
+        });
+    };
+    for (const auto& line : picture.lines) EXPECT_TRUE(inside(line.points));
+    for (const auto& area : picture.areas) EXPECT_TRUE(inside(area.outline));
+    for (const auto& mark : picture.marks) EXPECT_TRUE(inside(mark.outline));
+}
+
+/// Bars and bands; grid lines are opaque.
+std::vector<Area> intervals_in(const Picture& picture) {
+    std::vector<Area> found;
+    std::copy_if(picture.areas.begin(), picture.areas.end(), std::back_inserter(found),
+                 [](const Area& area) { return area.opacity < 1; });
+    return found;
+}
+
+std::vector<std::string> names_of(const std::vector<Figure>& all) {
+    std::vector<std::string> names;
+    for (const auto& figure : all) names.push_back(figure.name);
+    return names;
+}
+
+TEST_F(Figures, AreAllThereAndTidy) {
+    for (const std::size_t game_count : {2u, 9u}) {
+        const auto all = figures(comparison(game_count));
+        EXPECT_THAT(names_of(all), ElementsAre("aggregates", "sample_efficiency", "performance_profiles",
+                                               "probability_of_improvement", "game_curves", "game_scores",
+                                               "events", "rewards"));
+        for (const auto& figure : all) expect_tidy(figure);
+    }
+}
+
+TEST_F(Figures, SayHowManyRunsAndWhichMethod) {
+    const auto data = comparison(2);
+    for (const auto& picture : {aggregate_figure(data), profile_figure(data), improvement_figure(data),
+                                efficiency_figure(data), game_curves_figure(data)}) {
+        std::string all;
+        for (const auto& words : words_of(picture)) all += words + " ";
+        EXPECT_THAT(all, HasSubstr("2 runs per game"));
+        EXPECT_THAT(all, HasSubstr("200 resamples"));
+        EXPECT_THAT(all, HasSubstr("95 %"));
+    }
+}
+
+TEST_F(Figures, IntervalsAreDrawnWhereTheyAre) {
+    auto data = comparison(2);
+    data.baselines.clear();
+    data.results[0].aggregates[0] = {.value = 0.5, .low = 0.4, .high = 0.8};
+    data.results[1].aggregates[0] = {.value = 0.6, .low = 0.4, .high = 0.8};
+    const auto picture = aggregate_figure(data);
+    const auto bars = intervals_in(picture);
+    ASSERT_EQ(bars.size(), 2 * kMetricCount);
+    const auto& bar = bars[0].outline;
+    const auto [left, right] =
+        std::minmax_element(bar.begin(), bar.end(), [](Point a, Point b) { return a.x < b.x; });
+    const auto across = std::find_if(picture.lines.begin(), picture.lines.end(),
+                                     [](const Line& line) { return line.width == 1.8; });
+    ASSERT_NE(across, picture.lines.end());
+    EXPECT_NEAR((across->points[0].x - left->x) / (right->x - left->x), 0.25, 1e-9);
+}
+
+TEST_F(Figures, ASingleRunHasNoInterval) {
+    folders_.run("a", "sac", "Pong", 1, {-20, -10});
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    EXPECT_TRUE(intervals_in(aggregate_figure(data)).empty());
+    EXPECT_EQ(aggregate_figure(data).marks.size(), kMetricCount) << "a point for each metric";
+    EXPECT_TRUE(intervals_in(efficiency_figure(data)).empty());
+    EXPECT_TRUE(intervals_in(game_curves_figure(data)).empty());
+    EXPECT_THAT(names_of(figures(data)), Not(Contains("probability_of_improvement")));
+}
+
+TEST(Panels, TicksLeaveRoomForTheirWords) {
+    Panel panel{.left = 0, .top = 0, .right = 60, .bottom = 10, .x = {0, 1'000'000}};
+    double width = 0;
+    const auto ticks = fitting_ticks(panel, 10, 12);
+    for (const auto& text : tick_texts(ticks)) width += text_width(text, 12);
+    EXPECT_LE(width, 60);
+    EXPECT_FALSE(ticks.empty());
+}
+
+TEST(Panels, TicksAreRoundNumbersInsideTheInterval) {
+    EXPECT_THAT(nice_ticks(-21.3, 20.4, 6), ElementsAre(-20, -15, -10, -5, 0, 5, 10, 15, 20));
+    EXPECT_THAT(nice_ticks(0, 100'000, 6), ElementsAre(0, 20'000, 40'000, 60'000, 80'000, 100'000));
+    EXPECT_THAT(nice_ticks(0, 0.3, 3), ::testing::Pointwise(::testing::DoubleEq(), {0.0, 0.1, 0.2, 0.3}));
+}
+
+TEST(Panels, TicksHaveOneUnit) {
+    EXPECT_THAT(tick_texts({0, 5'000, 10'000}), ElementsAre("0", "5k", "10k"));
+    EXPECT_THAT(tick_texts({-2'000'000, 500'000}), ElementsAre("-2M", "0.5M"));
+    EXPECT_THAT(tick_texts({0.25, 5'000}), ElementsAre("0.25", "5000"));
+}
+
+TEST(Panels, BreakLinesAtSpaces) {
+    EXPECT_THAT(wrapped("one two three", 60, 10), ElementsAre("one two", "three"));
+    EXPECT_THAT(wrapped("", 60, 10), ElementsAre());
+}
+
+TEST(PictureFile, BlendsAreasAndDrawsMarksOverLines) {
+    const test::RunFolders folders("areas");
+    Picture picture{.width = 40, .height = 40};
+    picture.areas.push_back(rectangle(0, 0, 20, 40, {0, 0, 200}, 0.5));
+    picture.lines.push_back({{{0, 30}, {40, 30}}, {0, 0, 0}, 4});
+    picture.marks.push_back(disc({30, 30}, 6, {200, 0, 0}));
+    write_picture(picture, folders.path() / "a.png");
+    const auto image = cv::imread((folders.path() / "a.png").string());
+    EXPECT_EQ(image.at<cv::Vec3b>(20, 20), cv::Vec3b(228, 128, 128));
+    EXPECT_EQ(image.at<cv::Vec3b>(20, 60), cv::Vec3b(255, 255, 255));
+    EXPECT_EQ(image.at<cv::Vec3b>(60, 60), cv::Vec3b(0, 0, 200));
+    EXPECT_THAT(to_svg(picture), HasSubstr("fill-opacity=\"0.5\""));
+}
+
+TEST(JoystickMap, RegionsAreThoseOfTheMapping) {
+    for (const double threshold : {0.0, 0.1, 0.5, 0.7, 0.9}) {
+        SCOPED_TRACE(threshold);
+        const auto regions = joystick_regions(threshold);
+        for (int i = 0; i < 2000; ++i) {
+            const double radius = std::sqrt(static_cast<double>(i) / 2000),
+                         angle = std::remainder(2.4 * i, 6.283185307);
+            const Point stick{radius * std::cos(angle), radius * std::sin(angle)};
+            if (std::min(std::abs(std::abs(stick.x) - threshold), std::abs(std::abs(stick.y) - threshold)) <
+                    1e-3 ||
+                radius > 0.999)
+                continue;
+            const auto event = joystick_event(
+                {.radius = static_cast<float>(radius), .theta = static_cast<float>(angle), .fire = 0},
+                static_cast<float>(threshold));
+            for (const auto& region : regions) {
+                bool inside = true;  // convex, counter-clockwise
+                for (std::size_t k = 0; k < region.outline.size(); ++k) {
+                    const auto a = region.outline[k], b = region.outline[(k + 1) % region.outline.size()];
+                    inside &= (b.x - a.x) * (stick.y - a.y) - (b.y - a.y) * (stick.x - a.x) >= -1e-9;
+                }
+                EXPECT_EQ(inside, region.event == event) << stick.x << ' ' << stick.y;
+            }
+        }
+    }
+    EXPECT_EQ(joystick_regions(0.5).size(), 9u);
+    EXPECT_EQ(joystick_regions(0.8).size(), 5u) << "no corner is further out than sqrt(1/2)";
+    EXPECT_EQ(joystick_regions(1.0).size(), 1u);
+}
+
+TEST(JoystickMap, SharesOfRandomActionsAddUp) {
+    const auto shares = event_shares_of_random_actions(0.5);
+    double sum = 0, fire = 0;
+    for (std::size_t i = 0; i < shares.size(); ++i) {
+        sum += shares[i];
+        if (event_name(static_cast<Event>(i)).find("FIRE") != std::string_view::npos) fire += shares[i];
+    }
+    EXPECT_NEAR(sum, 1, 1e-9);
+    EXPECT_NEAR(fire, 0.5, 1e-9);
+    EXPECT_GT(shares[static_cast<std::size_t>(Event::noop)],
+              shares[static_cast<std::size_t>(Event::up_left)]);
+}
+
+TEST(JoystickMap, NamesAllEighteenEvents) {
+    const auto all = words_of(joystick_map(0.5));
+    for (int i = 0; i < kEventCount; ++i) {
+        const std::string name(event_name(static_cast<Event>(i)));
+        EXPECT_THAT(all, Contains(name));
+        EXPECT_THAT(joystick_map_text(0.5), HasSubstr(name));
+    }
+    expect_tidy({.name = "map", .picture = joystick_map(0.5)});
+    expect_tidy({.name = "map", .picture = joystick_map(0.95)});
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,93 @@
+#include "report/html.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "report/csv.h"
+#include "report/report.h"
+#include "report/run_folders.h"
+
+namespace cale {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Html : public ::testing::Test {
+  protected:
+    Comparison comparison() const {
+        for (const auto* agent : {"sac", "dqn<b>"}) {
+            for (const std::uint64_t seed : {1, 2}) {
+                folders_.run(fmt::format("runs/{}{}", agent[0], seed), agent, "Pong", seed, {-20, -10},
+                             fmt::format("agent: {{gamma: {}}}\n", agent[0] == 's' ? 0.99 : 0.9));
+                folders_.run(fmt::format("runs/{}_air{}", agent[0], seed), agent, "AirRaid", seed,
+                             {400, 500});
+            }
+        }
+        folders_.run("runs/broken", "sac", "Pong", 3, {});
+        return compare(find_runs({folders_.path() / "runs"}, ScoreKind::training), {},
+                       {.bootstrap = {.resamples = 100}, .group_by = {"agent"}});
+    }
+
+    test::RunFolders folders_{"html"};
+    PageOrigin origin_{.command = "cale report 'a b' <x>", .version = "cale 0.1.0", .time = "2026-01-01"};
+};
+
+std::string read(const std::filesystem::path& path) {
+    std::ifstream file(path);
+    return {std::istreambuf_iterator<char>(file), {}};
+}
+
+TEST_F(Html, SaysAllThatAReaderNeeds) {
+    const auto data = comparison();
+    const auto html = to_html(data, figures(data), origin_);
+    EXPECT_THAT(html, HasSubstr("<code>cale report 'a b' &lt;x&gt;</code>"));
+    EXPECT_THAT(html, HasSubstr("cale 0.1.0 made this page"));
+    EXPECT_THAT(html, HasSubstr("8 runs in 2 groups; 2 runs per game; aggregates over 1 game"));
+    EXPECT_THAT(html, HasSubstr("AirRaid: there is no human score"));
+    EXPECT_THAT(html, AllOf(HasSubstr("runs/broken: "), HasSubstr("no game of its training has ended")));
+    EXPECT_THAT(html, HasSubstr("come out too narrow: dqn&lt;b&gt; (2); sac (2)."));
+    EXPECT_THAT(html, HasSubstr("<th scope=\"col\">IQM</th>"));
+    EXPECT_THAT(html, HasSubstr("<th scope=\"row\" class=\"name\">Pong</th>"));
+    EXPECT_THAT(html, HasSubstr("100 resamples"));
+    EXPECT_THAT(html, Not(HasSubstr("dqn<b>")));
+}
+
+TEST_F(Html, NeedsNothingFromElsewhere) {
+    const auto data = comparison();
+    auto html = to_html(data, figures(data), origin_);
+    for (const auto* word : {"<script", "<link", "<img", "@import", "url("})
+        EXPECT_THAT(html, Not(HasSubstr(word)));
+    const std::string name = "xmlns=\"http://www.w3.org/2000/svg\"";  // a name, not a place
+    for (auto at = html.find(name); at != html.npos; at = html.find(name)) html.erase(at, name.size());
+    EXPECT_THAT(html, Not(HasSubstr("http")));
+}
+
+TEST_F(Html, FiguresFollowLightAndDark) {
+    const auto data = comparison();
+    const auto html = to_html(data, figures(data), origin_);
+    EXPECT_THAT(html, HasSubstr("prefers-color-scheme: dark"));
+    EXPECT_THAT(html, HasSubstr("fill=\"var(--paper)\""));
+    EXPECT_THAT(html, Not(HasSubstr("fill=\"#ffffff\"")));
+}
+
+TEST_F(Html, AReportIsAFolderOfFiles) {
+    const auto data = comparison();
+    const auto folder = folders_.path() / "out/report";
+    const auto files = write_report(data, origin_, folder);
+    EXPECT_EQ(files.front(), folder / "report.html");
+    for (const auto& file : files) EXPECT_GT(std::filesystem::file_size(file), 40u) << file;
+    for (const auto* name :
+         {"aggregates.svg", "aggregates.png", "aggregates.csv", "game_curves.svg", "scores.csv"})
+        EXPECT_TRUE(std::filesystem::exists(folder / name)) << name;
+    EXPECT_THAT(read(folder / "report.html"), HasSubstr("</html>"));
+    EXPECT_EQ(read_csv(folder / "performance_profiles.csv").rows.size(), 2 * data.thresholds.size());
+    folders_.write("file", "");
+    EXPECT_THROW(write_report(data, origin_, folders_.path() / "file"), std::exception);
+}
+
+}  // namespace
+}  // namespace cale
