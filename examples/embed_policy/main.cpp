@@ -1,0 +1,68 @@
+// A game loop with a trained policy in it. The game is an emulated one; yours only has to give its screen
+// after every frame and to take joystick events.
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <span>
+#include <vector>
+
+#include <cale/emulator.h>
+#include <cale/env.h>
+#include <cale/games.h>
+#include <policy/policy.h>
+#include <policy_lite/observer.h>
+
+namespace {
+
+// The emulator's screen, a byte of luminance per pixel.
+std::span<const std::uint8_t> gray_screen(const cale::Emulator& console, std::vector<std::uint8_t>& pixels) {
+    pixels.clear();
+    for (const std::uint8_t colour : console.screen()) pixels.push_back(console.gray_palette()[colour]);
+    return pixels;
+}
+
+struct Played {
+    int frames = 0;
+    int score = 0;
+};
+
+Played play(const cale::Policy& policy, cale::Emulator& console, int most_frames) {
+    std::vector<std::uint8_t> pixels;
+    cale::Observer observer(policy.info(), console.screen_height());
+    console.reset();
+    observer.start(gray_screen(console, pixels));
+
+    Played played;
+    cale::Decision decision;
+    for (int lives = console.lives(); !console.game_over() && played.frames < most_frames; ++played.frames) {
+        if (observer.due()) decision = policy.act(observer.observation());
+        played.score += console.act(decision.event, decision.strength);
+        observer.see(gray_screen(console, pixels));
+        if (console.lives() < lives) observer.lose_life();
+        lives = console.lives();
+    }
+    return played;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    if (argc < 2) {
+        std::fprintf(stderr, "usage: embed_policy POLICY.safetensors [FRAMES]\n");
+        return 2;
+    }
+    try {
+        const auto policy = cale::Policy::load(argv[1]);
+        const auto& game = cale::find_game(policy.info().game);
+        cale::Emulator console(game, cale::find_rom(policy.info().game, ""), /*sticky_probability=*/0.25F,
+                               /*seed=*/1);
+        const auto [frames, score] = play(policy, console, argc > 2 ? std::atoi(argv[2]) : 108'000);
+        std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(),
+                    policy.info().game.c_str(), score, frames);
+        return frames > 0 ? 0 : 1;
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "embed_policy: %s\n", error.what());
+        return 1;
+    }
+}
