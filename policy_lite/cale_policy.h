@@ -36,13 +36,16 @@ typedef struct {
     float strength; /* how far a paddle moves: 0 to 1 */
 } cale_decision;
 
+/* What a policy is made for. */
 typedef struct {
-    int32_t num_actions; /* 0: the continuous joystick */
-    int32_t stack, frame_height, frame_width;
-    int32_t frame_skip; /* emulated frames per decision */
-    int32_t life_loss_ends_episode;
-    double threshold; /* how far the joystick must be pushed to count */
-    double epsilon;   /* of the run's own evaluations */
+    int32_t num_actions;            /* 0: the continuous joystick */
+    int32_t stack;                  /* frames of an observation */
+    int32_t frame_height;           /* rows */
+    int32_t frame_width;            /* columns */
+    int32_t frame_skip;             /* emulated frames per decision */
+    int32_t life_loss_ends_episode; /* 1: the stack starts anew at a lost life */
+    double threshold;               /* how far the joystick must be pushed to count */
+    double epsilon;                 /* of the run's own evaluations */
 } cale_policy_info;
 
 /* greedy: the likeliest, mean or most valuable action; sampled: drawn from the policy; as evaluated: as the
