@@ -12,6 +12,7 @@
 
 #include "agents/advantages.h"
 #include "agents/captured_update.h"
+#include "agents/env_share.h"
 #include "agents/random.h"
 #include "agents/repeated_frame.h"
 #include "agents/state.h"
@@ -27,6 +28,12 @@ constexpr std::int64_t kActionSize = 3;  // r, theta, fire
 
 enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation };
 
+std::vector<torch::Tensor> gradients_of(const std::vector<torch::Tensor>& parameters) {
+    std::vector<torch::Tensor> gradients;
+    for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
+    return gradients;
+}
+
 }  // namespace
 
 std::span<const std::string_view> names_of(Minibatches) {
@@ -41,7 +48,8 @@ std::span<const std::string_view> names_of(StackAfterUpdate) {
 
 // Losses ------------------------------------------------------------------------------
 
-PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config) {
+PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config,
+                     const ProcessGroup& processes) {
     const auto size = minibatch.observation.size(0);
     require_shape("ppo_losses", "the old log-probability", minibatch.old_log_prob, {size});
     require_shape("ppo_losses", "the old value", minibatch.old_value, {size});
@@ -56,13 +64,16 @@ PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const P
     }
     const auto new_log_prob = log_prob(policy, minibatch.action, network->box);
 
-    // PPO's equation 7, on normalised advantages.
-    const auto& raw = minibatch.advantage;
-    const auto advantage = (raw - raw.mean()) / (raw.std(/*unbiased=*/false) + 1e-8);
+    // PPO's equation 7, on advantages that are normalised over the minibatch of all processes.
+    const auto whole = moments(minibatch.advantage, processes);
+    const auto mean = [&](const torch::Tensor& part) {
+        return part.sum() / static_cast<double>(whole.count);
+    };
+    const auto advantage = (minibatch.advantage - whole.mean) / (whole.deviation + 1e-8);
     const auto log_ratio = new_log_prob - minibatch.old_log_prob;
     const auto ratio = log_ratio.exp();
     const auto actor =
-        -torch::minimum(ratio * advantage, ratio.clamp(1 - config.clip, 1 + config.clip) * advantage).mean();
+        -mean(torch::minimum(ratio * advantage, ratio.clamp(1 - config.clip, 1 + config.clip) * advantage));
 
     // PPO's equation 9: the squared error, of which the larger with and without clipping counts.
     auto squared_error = (value - minibatch.returns).square();
@@ -71,8 +82,8 @@ PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const P
         squared_error =
             torch::maximum(squared_error, (minibatch.old_value + moved - minibatch.returns).square());
     }
-    const auto critic = 0.5 * squared_error.mean();
-    const auto mean_entropy = entropy(policy).mean();
+    const auto critic = 0.5 * mean(squared_error);
+    const auto mean_entropy = mean(entropy(policy));
 
     const auto combined =
         actor + config.value_coefficient * critic - config.entropy_coefficient * mean_entropy;
@@ -81,8 +92,8 @@ PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const P
             actor.detach(),
             critic.detach(),
             mean_entropy.detach(),
-            (change - log_ratio.detach()).mean(),
-            (change.abs() > config.clip).to(ratio.dtype()).mean()};
+            mean(change - log_ratio.detach()),
+            mean((change.abs() > config.clip).to(ratio.dtype()))};
 }
 
 PpoLearner::PpoLearner(PpoNetwork network_, std::int64_t anneal_steps_, const PpoConfig& config)
@@ -99,10 +110,12 @@ void PpoLearner::anneal(const PpoConfig& config) {
     ++gradient_steps;
 }
 
-PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config) {
+PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config,
+                            const ProcessGroup& processes) {
     learner.adam.zero_grad();
-    auto losses = ppo_losses(learner.network, minibatch, config);
+    auto losses = ppo_losses(learner.network, minibatch, config, processes);
     losses.combined.backward();
+    if (!processes.alone()) processes.sum(gradients_of(learner.parameters));
     clip_gradient_norm(learner.parameters, config.max_gradient_norm);
     learner.adam.step();
     losses.combined = losses.combined.detach();
@@ -138,7 +151,8 @@ class Ppo final : public Agent {
         : config_(config),
           spec_(spec),
           learner_(make_learner(config, spec)),
-          rollout_({.length = config.rollout_steps / spec.num_envs,
+          share_(spec),
+          rollout_({.length = config.rollout_steps / share_.all,
                     .num_envs = spec.num_envs,
                     .stack = spec.stack,
                     .frame_height = spec.frame_height,
@@ -150,7 +164,8 @@ class Ppo final : public Agent {
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
-          gradient_step_(spec.device, {}) {}
+          // A message to other processes cannot be part of a recording.
+          gradient_step_(spec.processes.alone() ? spec.device : torch::Device(torch::kCPU), {}) {}
 
     torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -160,16 +175,18 @@ class Ppo final : public Agent {
         if (training) rollout_.set_observations(observations);
         // The policy is sampled in evaluation too, as the reference does.
         const auto policy = learner_.network(observations.to(spec_.device)).policy;
-        auto actions = sampled(policy, random);
+        const auto share = training ? share_ : EnvShare(observations.size(0));
+        auto actions = sampled(policy, share, random);
         if (config_.exploration == Exploration::standard) return actions;
         const auto epsilon = training ? this->epsilon() : config_.epsilon.epsilon_eval;
-        return policy.gaussian ? epsilon_greedy(actions, epsilon, box_, random)
-                               : epsilon_greedy(actions, epsilon, spec_.num_actions, random);
+        actions = share.among_all(actions, /*filler=*/0);
+        return share.own(policy.gaussian ? epsilon_greedy(actions, epsilon, box_, random)
+                                         : epsilon_greedy(actions, epsilon, spec_.num_actions, random));
     }
 
     void observe(const Experiences& seen) override {
         rollout_.add(seen.actions, seen.results, seen.final_frames);
-        training_steps_ += spec_.num_envs;
+        training_steps_ += share_.all;
         if (repeats()) repeated_frame_.remember(seen.frames, seen.results[0]);
     }
 
@@ -192,13 +209,13 @@ class Ppo final : public Agent {
 
     TensorMap state() override {
         auto state = saved(parts());
-        add_part(state, "rollout/", rollout_.state());
+        add_part(state, "rollout/", joined_rollouts(spec_.processes.gather(rollout_.state())));
         if (repeats()) add_part(state, "repeated_frame/", repeated_frame_.state());
         return state;
     }
     void load_state(const TensorMap& state) override {
         Rollout rollout(rollout_.config);  // so that nothing has changed if a part is missing
-        rollout.restore(part_of(state, "rollout/"));
+        rollout.restore(share_of_rollout(part_of(state, "rollout/"), share_));
         auto repeated_frame = repeated_frame_;
         if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
         restore(parts(), state);
@@ -211,8 +228,6 @@ class Ppo final : public Agent {
         newest_.clear();
         gradient_step_.forget();
     }
-    void save_memory(const std::string&) const override {}
-    void load_memory(const std::string&) override {}
 
   private:
     bool repeats() const { return config_.stack_after_update == StackAfterUpdate::repeated; }
@@ -222,10 +237,12 @@ class Ppo final : public Agent {
                                          config_.epsilon.epsilon_train);
     }
 
-    torch::Tensor sampled(const PpoPolicy& policy, at::Generator& random) {
-        if (!policy.gaussian) return policy.log_pi.exp().cpu().multinomial(1, true, random).squeeze(1);
-        const auto noise =
-            torch::randn({policy.gaussian->mean.size(0), kActionSize}, random).to(spec_.device);
+    torch::Tensor sampled(const PpoPolicy& policy, const EnvShare& share, at::Generator& random) {
+        if (!policy.gaussian) {
+            const auto pi = share.among_all(policy.log_pi.exp().cpu(), /*filler=*/1);
+            return share.own(pi.multinomial(1, true, random).squeeze(1));
+        }
+        const auto noise = share.own(torch::randn({share.all, kActionSize}, random)).to(spec_.device);
         return sample(*policy.gaussian, noise, learner_.network->box).action.cpu();
     }
 
@@ -240,7 +257,7 @@ class Ppo final : public Agent {
         all.observation = rollout_.observation.flatten(0, 1).to(spec_.device);
         all.action = rollout_.action.flatten(0, 1).to(spec_.device);
         std::vector<torch::Tensor> log_probs, old_values;
-        for (std::int64_t first = 0; first < config_.rollout_steps; first += config_.minibatch_size) {
+        for (std::int64_t first = 0; first < all.observation.size(0); first += config_.minibatch_size) {
             const auto part = [&](const torch::Tensor& whole) {
                 return whole.slice(0, first, first + config_.minibatch_size);
             };
@@ -275,29 +292,35 @@ class Ppo final : public Agent {
                                    : torch::randperm(config_.rollout_steps, shuffling_random_, torch::kInt64)
                                          .view({parts, -1});
             for (const auto& rows : order.to(spec_.device).unbind()) {
-                choose(all, rows);
+                choose(all, share_.own_rows(rows));
                 learner_.anneal(config_);
-                gradient_step_([&] { losses_ = ppo_gradient_step(learner_, minibatch_, config_); });
+                gradient_step_(
+                    [&] { losses_ = ppo_gradient_step(learner_, minibatch_, config_, spec_.processes); });
                 sums += torch::stack({losses_.combined, losses_.actor, losses_.critic, losses_.entropy,
                                       losses_.approximate_kl, losses_.clipped_fraction});
             }
         }
+        spec_.processes.sum({sums});
         remember(sums / (config_.epochs * parts), all);
     }
 
-    /// Copies these rows to minibatch_, which stays in its place in memory.
+    /// Copies these rows to minibatch_, which stays in its place in memory while their number does.
     void choose(const PpoMinibatch& all, const torch::Tensor& rows) {
         for (const auto part :
              {&PpoMinibatch::observation, &PpoMinibatch::action, &PpoMinibatch::old_log_prob,
               &PpoMinibatch::old_value, &PpoMinibatch::advantage, &PpoMinibatch::returns}) {
             auto& chosen = minibatch_.*part;
-            if (!chosen.defined()) chosen = torch::empty({0}, (all.*part).options());
+            if (!chosen.defined() || chosen.size(0) != rows.size(0))
+                chosen = torch::empty({0}, (all.*part).options());
             at::index_select_out(chosen, all.*part, 0, rows);
         }
     }
 
     void remember(const torch::Tensor& means, const PpoMinibatch& all) {
-        const auto unexplained = (all.returns - all.old_value).var(0) / (all.returns.var(0) + 1e-8);
+        const auto variance = [&](const torch::Tensor& part) {
+            return moments(part, spec_.processes).deviation.square();
+        };
+        const auto unexplained = variance(all.returns - all.old_value) / (variance(all.returns) + 1e-8);
         const auto numbers = torch::cat({means, (1 - unexplained).view({1})}).cpu();
         std::int64_t i = 0;
         for (const auto* tag :
@@ -321,6 +344,7 @@ class Ppo final : public Agent {
     AgentSpec spec_;
     PpoLearner learner_;
     ActionBox box_ = joystick_box();
+    EnvShare share_;
     Rollout rollout_;
     std::int64_t training_steps_ = 0;
     RepeatedFrame repeated_frame_;
@@ -339,10 +363,14 @@ std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) 
         throw std::invalid_argument("agent.rollout_steps is " + std::to_string(config.rollout_steps) +
                                     ", which is no multiple of " + name + " = " + std::to_string(of));
     };
-    if (config.stack_after_update == StackAfterUpdate::repeated && spec.num_envs != 1)
+    const auto all_envs = spec.num_envs * spec.processes.size();
+    if (config.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
         throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +
-                                    std::to_string(spec.num_envs));
-    require_multiple(spec.num_envs, "env.num_envs");
+                                    std::to_string(all_envs));
+    if (config.replay_terminal == ReplayTerminal::dopamine && all_envs != 1)
+        throw std::invalid_argument("agent.replay_terminal: dopamine is a rule for env.num_envs = 1, not " +
+                                    std::to_string(all_envs));
+    require_multiple(all_envs, "env.num_envs");
     require_multiple(config.minibatch_size, "agent.minibatch_size");
     return std::make_unique<Ppo>(config, spec);
 }

@@ -22,7 +22,9 @@
 
 namespace cale {
 
+/// How an epoch is dealt out: see PpoConfig::minibatches.
 enum class Minibatches { shuffled, contiguous };
+/// What is seen after an update: see PpoConfig::stack_after_update.
 enum class StackAfterUpdate { correct, repeated };
 std::span<const std::string_view> names_of(Minibatches);
 std::span<const std::string_view> names_of(StackAfterUpdate);
@@ -30,6 +32,7 @@ std::span<const std::string_view> names_of(StackAfterUpdate);
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig {
     static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr bool kSeveralProcesses = true;  // see run_program
 
     NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};
     Torso torso = Torso::two_branch;
@@ -98,20 +101,25 @@ void fields(PpoConfig& config, Visit&& visit) {
 
 /// B steps of a rollout; the second line [B] is from before the update.
 struct PpoMinibatch {
-    torch::Tensor observation, action;
-    torch::Tensor old_log_prob, old_value, advantage, returns;
+    torch::Tensor observation, action;      // what was seen and done
+    torch::Tensor old_log_prob, old_value;  // of the actions; of the states
+    torch::Tensor advantage, returns;       // GAE; advantage + value
 };
 
-/// The first carries a gradient. Means over the minibatch.
+/// The first carries a gradient. Means over the minibatch; of several processes' minibatches together, this
+/// one's parts of the means, which add up to them.
 struct PpoLosses {
-    torch::Tensor combined, actor, critic, entropy;
-    torch::Tensor approximate_kl, clipped_fraction;
+    torch::Tensor combined, actor, critic, entropy;  // [] each: what is minimised, and its three parts
+    torch::Tensor approximate_kl, clipped_fraction;  // [] each, for the log
 };
 
-/// A pure function of its arguments. Throws std::invalid_argument, naming both shapes, where the
-/// minibatch does not fit together.
-PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config);
+/// A pure function of its arguments, among them what the other processes give at the same time: their parts
+/// of the minibatch. Throws std::invalid_argument, naming both shapes, where the minibatch does not fit
+/// together.
+PpoLosses ppo_losses(PpoNetwork& network, const PpoMinibatch& minibatch, const PpoConfig& config,
+                     const ProcessGroup& processes = {});
 
+/// What PPO updates: the network, its optimiser and the learning rate.
 struct PpoLearner {
     /// `anneal_steps` 0: the learning rate is constant.
     PpoLearner(PpoNetwork network, std::int64_t anneal_steps, const PpoConfig& config);
@@ -119,15 +127,17 @@ struct PpoLearner {
     /// Counts a gradient step and sets the learning rate that it has.
     void anneal(const PpoConfig& config);
 
-    PpoNetwork network;
-    std::vector<torch::Tensor> parameters;
-    Adam adam;
-    std::int64_t anneal_steps;
-    std::int64_t gradient_steps = 0;
+    PpoNetwork network;                     // acts too
+    std::vector<torch::Tensor> parameters;  // the network's
+    Adam adam;                              // their optimiser
+    std::int64_t anneal_steps;              // gradient steps until the learning rate is 0; 0: it is constant
+    std::int64_t gradient_steps = 0;        // made so far
 };
 
-/// One gradient step at the present learning rate. Returns the losses before it, without their graph.
-PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
+/// One gradient step at the present learning rate, the same in all processes. Returns the losses before it,
+/// without their graph.
+PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config,
+                            const ProcessGroup& processes = {});
 /// The same at the learning rate that is due.
 PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
 
@@ -135,7 +145,10 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 /// charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/....
-/// Throws std::invalid_argument where rollout_steps is no multiple of num_envs or of minibatch_size.
+/// Several processes do together what one would do with all their environments: they draw the same random
+/// numbers, each uses those of its environments, and the sums of their gradients are applied everywhere.
+/// Throws std::invalid_argument where rollout_steps is no multiple of the number of environments, of all
+/// processes, or of minibatch_size.
 std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

@@ -7,6 +7,7 @@
 #
 # LibTorch_CUDA_FOUND: it is a build with CUDA, its CUDA libraries are beside it (PyPI's packages
 # or LibTorch's own copies), and the runtime's headers are there, or those of a toolkit.
+# LibTorch_NCCL_FOUND: and NCCL's header, with which processes on several GPUs train together.
 if(Torch_DIR)
     get_filename_component(torch_hint ${Torch_DIR}/../../.. ABSOLUTE)
 endif()
@@ -27,6 +28,12 @@ file(GLOB cublas ${torch_root}/../nvidia/cu*/lib/libcublas.so.* ${torch_root}/li
 set(LibTorch_CUDA_FOUND FALSE)
 if(LibTorch_CUDA_LIBRARY AND LibTorch_C10_CUDA_LIBRARY AND LibTorch_CUDA_INCLUDE_DIR AND cuda_runtime AND cublas)
     set(LibTorch_CUDA_FOUND TRUE)
+endif()
+find_path(LibTorch_NCCL_INCLUDE_DIR nccl.h
+    HINTS ${torch_root}/../nvidia/nccl PATHS /usr/local/cuda ENV CUDA_HOME PATH_SUFFIXES include)
+set(LibTorch_NCCL_FOUND FALSE)
+if(LibTorch_CUDA_FOUND AND LibTorch_NCCL_INCLUDE_DIR)
+    set(LibTorch_NCCL_FOUND TRUE)
 endif()
 
 if(LibTorch_INCLUDE_DIR AND EXISTS ${LibTorch_INCLUDE_DIR}/torch/headeronly/version.h)

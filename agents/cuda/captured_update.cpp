@@ -1,4 +1,4 @@
-// All of this project that knows CUDA.
+// Gradient steps as CUDA graphs.
 #include "agents/captured_update.h"
 
 #include <utility>
@@ -42,8 +42,8 @@ struct CapturedUpdate::Impl {
     void record(const std::function<void()>& update) {
         auto recording = std::make_unique<at::cuda::CUDAGraph>();
         for (const auto& generator : generators) recording->register_generator_state(generator);
-        c10::cuda::device_synchronize();
         const c10::cuda::CUDAStreamGuard on_stream(stream);
+        c10::cuda::device_synchronize();  // the stream's device, which may not be the caller's
         recording->capture_begin();
         try {
             update();

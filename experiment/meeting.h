@@ -1,0 +1,38 @@
+// How the processes of one run keep together: all play and learn, the first one keeps the records.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include "agents/agent.h"
+#include "experiment/run_config.h"
+#include "experiment/training.h"
+
+namespace cale {
+
+/// Whether a multiple of `every` lies in (before, now]; never where it is 0.
+inline bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
+    return every > 0 && before / every != now / every;
+}
+
+/// When the processes meet: where the first one has a row, an evaluation or a checkpoint to write, and at the
+/// end.
+struct Rhythm {
+    std::int64_t total_steps;
+    std::array<std::int64_t, 3> every;  // agent steps
+
+    bool meets(std::int64_t before, std::int64_t now) const {
+        return now >= total_steps || std::any_of(every.begin(), every.end(),
+                                                 [&](auto period) { return passed(before, now, period); });
+    }
+};
+
+/// Whether to end early. Several processes agree on it, when they meet.
+bool agreed_to_stop(const ProcessGroup& processes, bool meeting);
+
+/// train() for the processes beside the first: they write nothing.
+Outcome train_beside(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
+                     const LogConfig& log, const TrainOptions& options);
+
+}  // namespace cale

@@ -1,0 +1,25 @@
+// How a run is asked to end.
+#pragma once
+
+#include <csignal>
+
+namespace cale {
+
+/// While it lives, the first SIGINT or SIGTERM makes stop_requested() true; the next one, of either, kills.
+/// One at a time.
+class StopSignals {
+  public:
+    StopSignals();
+    ~StopSignals();
+    StopSignals(const StopSignals&) = delete;
+    StopSignals& operator=(const StopSignals&) = delete;
+
+  private:
+    struct sigaction before_interrupt_ = {};
+    struct sigaction before_terminate_ = {};
+};
+
+/// Since the newest StopSignals began.
+bool stop_requested();
+
+}  // namespace cale

@@ -1,0 +1,96 @@
+#include "replay/frame_mirror.h"
+
+#include <algorithm>
+#include <cstring>
+#include <sstream>
+#include <stdexcept>
+
+#include <c10/core/impl/VirtualGuardImpl.h>
+#include <torch/torch.h>
+
+namespace cale {
+namespace {
+
+constexpr std::int64_t kStagedFrames = 64;
+
+/// Memory that a device other than the CPU reads while the host goes on.
+torch::Tensor on_host(at::IntArrayRef shape, at::ScalarType type, torch::Device read_by) {
+    return torch::empty(shape, torch::dtype(type).pinned_memory(!read_by.is_cpu()));
+}
+
+torch::Tensor frames_on(const ReplayConfig& config, torch::Device device) {
+    const auto count = frame_capacity(config) + 1, size = config.frame_height * config.frame_width;
+    try {
+        auto frames = torch::empty({count, size}, torch::dtype(torch::kUInt8).device(device));
+        frames[-1].zero_();
+        return frames;
+    } catch (const c10::Error&) {
+        std::ostringstream message;
+        message.precision(3);
+        message << "agent.replay_on_device: " << device << " lacks the memory for the replay's frames, "
+                << static_cast<double>(count * size) / 1e9 << " GB: lower agent.replay_capacity from "
+                << config.capacity << ", or set agent.replay_on_device to false";
+        throw std::runtime_error(message.str());
+    }
+}
+
+}  // namespace
+
+FrameMirror::FrameMirror(const ReplayConfig& config, torch::Device device)
+    : frames_(frames_on(config, device)),
+      staged_(on_host({kStagedFrames, frames_.size(1)}, torch::kUInt8, device)),
+      read_(device.type()) {}
+
+void FrameMirror::gather(const ReplayStorage& storage, Batch& batch) {
+    follow(storage);
+    const auto rows = batch.index.size(0), depth = storage.stack;
+    if (!shown_.defined() || shown_.size(1) != rows) {
+        shown_ = on_host({2, rows, depth}, torch::kInt64, device());
+        shown_on_device_ = torch::empty({2, rows * depth}, torch::dtype(torch::kInt64).device(device()));
+    }
+    wait_until_read();
+    const auto* slots = batch.index.const_data_ptr<std::int64_t>();
+    auto* shown = shown_.data_ptr<std::int64_t>();
+    const auto blank = storage.frames_capacity;
+    for (std::int64_t row = 0; row < rows; ++row) {
+        const auto frames = storage.frames_of(slots[row]);
+        for (std::int64_t i = 0; i < 2 * depth; ++i) {
+            const auto frame = frames[static_cast<std::size_t>(i)];
+            shown[(i / depth * rows + row) * depth + i % depth] =
+                frame == kBlankFrame ? blank : frame % storage.frames_capacity;
+        }
+    }
+    shown_on_device_.copy_(shown_.view_as(shown_on_device_), /*non_blocking=*/true);
+    record_read();
+    auto observation = batch.observation.view({rows * depth, -1});
+    auto next_observation = batch.next_observation.view({rows * depth, -1});
+    at::index_select_out(observation, frames_, 0, shown_on_device_[0]);
+    at::index_select_out(next_observation, frames_, 0, shown_on_device_[1]);
+}
+
+void FrameMirror::follow(const ReplayStorage& storage) {
+    const auto size = storage.frame_size;
+    const auto copy_run = [&](std::int64_t slot, std::int64_t count) {
+        for (std::int64_t done = 0; done < count; done += kStagedFrames) {
+            const auto part = std::min(kStagedFrames, count - done);
+            wait_until_read();
+            std::memcpy(staged_.data_ptr<std::uint8_t>(), storage.frames.data() + (slot + done) * size,
+                        static_cast<std::size_t>(part * size));
+            frames_.narrow(0, slot + done, part).copy_(staged_.narrow(0, 0, part), /*non_blocking=*/true);
+            record_read();
+        }
+    };
+    for_each_run(std::max(seen_, storage.frames_begin()), storage.frames_end, storage.frames_capacity,
+                 copy_run);
+    seen_ = storage.frames_end;
+}
+
+void FrameMirror::wait_until_read() {
+    if (read_.was_marked_for_recording()) read_.synchronize();
+}
+
+void FrameMirror::record_read() {
+    if (!device().is_cpu()) read_.record(c10::impl::VirtualGuardImpl(device().type()).getStream(device()));
+}
+
+}  // namespace cale

@@ -1,0 +1,38 @@
+// A second copy of a replay's frames, on the device that trains: what travels there is each frame once, and
+// with a batch only where its frames lie.
+#pragma once
+
+#include <c10/core/Event.h>
+#include <torch/types.h>
+
+#include "replay/replay_storage.h"
+
+namespace cale {
+
+class FrameMirror {
+  public:
+    /// Throws std::runtime_error, naming device and gigabytes, where the device lacks the memory.
+    FrameMirror(const ReplayConfig& config, torch::Device device);
+
+    torch::Device device() const { return frames_.device(); }
+
+    /// Fills batch.observation and batch.next_observation, which are on device(), with the stacks of the
+    /// transitions in the slots batch.index. First brings the frames there that are new.
+    void gather(const ReplayStorage& storage, Batch& batch);
+    /// Has all frames brought anew by the next gather(): they are another replay's.
+    void forget() { seen_ = 0; }
+
+  private:
+    void follow(const ReplayStorage& storage);
+    void wait_until_read();
+    void record_read();
+
+    torch::Tensor frames_;           // [frames_capacity + 1, H * W] as in the storage; the last one is blank
+    torch::Tensor staged_;           // [some, H * W] on the host, frames on their way
+    torch::Tensor shown_;            // [2, B, stack] int64 on the host: rows of frames_
+    torch::Tensor shown_on_device_;  // the same
+    c10::Event read_;                // the device has read staged_ and shown_
+    FrameId seen_ = 0;               // frames before this one are there
+};
+
+}  // namespace cale
