@@ -5,34 +5,25 @@
 #include <filesystem>
 #include <iostream>
 
-#include <sys/ioctl.h>
-#include <unistd.h>
-
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "experiment/columns.h"
 #include "experiment/versions.h"
 
 namespace cale {
 namespace {
 
-/// An option as --help shows it. Those with a `key` are another way to set that key.
-struct Option {
-    std::string_view name;
-    std::string_view value;
-    std::string_view help;
-    std::string_view key = "";
-};
-
-constexpr Option kOptions[] = {
-    {"--config", "FILE", "read settings from this YAML file"},
+constexpr TrainOption kOptions[] = {
+    {"--config", "FILE.yaml", "read settings from this YAML file"},
     {"--set", "KEY=VALUE", "change one setting; plain KEY=VALUE does the same"},
     {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5", "env.game"},
     {"--total-timesteps", "N", "agent steps to train for", "train.total_steps"},
     {"--num-envs", "N", "environments that step together", "env.num_envs"},
     {"--seed", "N", "everything random follows from it", "train.seed"},
     {"--run-dir", "DIR", "folder for everything that the run writes"},
-    {"--resume", "", "continue the run in --run-dir from its newest checkpoint"},
+    {"--resume", "", "continue the run in --run-dir from its newest good checkpoint"},
+    {"--accept-changes", "", "with --resume: go on although settings of the agent or the training differ"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
     {"--threads", "N",
      "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
@@ -42,50 +33,16 @@ constexpr Option kOptions[] = {
     {"--help", "", "print this text, and leave"},
 };
 
-bool is_offered(const Option& option, const ConfigTable& table) {
+bool is_offered(const TrainOption& option, const ConfigTable& table) {
     return option.key.empty() || table.has(option.key);
 }
 
 // ---- help ---------------------------------------------------------------------------
 
-/// Words of `text` in lines of at most `width` columns, each indented.
-std::string wrap(std::string_view text, std::size_t indent, std::size_t width) {
-    const std::string margin(indent, ' ');
-    std::string result;
-    std::string line;
-    while (!text.empty()) {
-        const auto space = std::min(text.find(' '), text.size());
-        const auto word = text.substr(0, space);
-        text.remove_prefix(std::min(space + 1, text.size()));
-        if (!line.empty() && indent + line.size() + 1 + word.size() > width) {
-            result += margin + line + '\n';
-            line.clear();
-        }
-        if (!line.empty()) line += ' ';
-        line += word;
-    }
-    return line.empty() ? result : result + margin + line + '\n';
-}
-
-/// Name on the left, sentence on the right, below it where the name is long.
-std::string two_columns(std::string_view left, std::string_view right, std::size_t column,
-                        std::size_t width) {
-    const auto text = wrap(right, column, width);
-    const auto name = fmt::format("  {}", left);
-    if (name.size() + 2 > column) return name + '\n' + text;
-    return name + text.substr(name.size());
-}
-
 std::string setting_text(const ConfigEntry& entry) {
     auto text = entry.type;
     if (!entry.range_text.empty()) text += ", " + entry.range_text;
     return text + ", default " + (entry.default_text.empty() ? "empty" : entry.default_text);
-}
-
-std::size_t terminal_width() {
-    winsize size{};
-    if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
-    return std::clamp<std::size_t>(size.ws_col, 40, 120);
 }
 
 // ---- options ------------------------------------------------------------------------
@@ -115,9 +72,7 @@ void check_threads(const std::string& threads) {
 std::string unknown_option(std::string_view argument, const ConfigTable& table) {
     const auto name = argument.substr(0, argument.find('='));
     std::vector<std::string> names;
-    for (const auto& option : kOptions) {
-        if (is_offered(option, table)) names.emplace_back(option.name);
-    }
+    for (const auto& option : train_options(table)) names.emplace_back(option.name);
     const auto guess = nearest(name, names);
     return fmt::format("unknown option '{}'{}", name,
                        guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess));
@@ -126,7 +81,7 @@ std::string unknown_option(std::string_view argument, const ConfigTable& table) 
 /// The options and their arguments, nothing applied yet.
 struct Arguments {
     CommandLine line;
-    std::vector<std::pair<Option, std::string>> shortcuts;  // options that set a key
+    std::vector<std::pair<TrainOption, std::string>> shortcuts;  // options that set a key
     bool help = false;
     bool version = false;
     bool print_config = false;
@@ -147,6 +102,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     app.add_option("--device", line.device);
     app.add_option("--threads", line.threads);
     app.add_flag("--resume", line.resume);
+    app.add_flag("--accept-changes", line.accept_changes);
     app.add_flag("--no-progress", no_progress);
     app.add_flag("--print-config", arguments.print_config);
     app.add_flag("--version", arguments.version);
@@ -186,6 +142,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     if (line.resume && line.run_dir.empty()) {
         throw ConfigError("--resume needs --run-dir DIR, the folder of the run to continue");
     }
+    if (line.accept_changes && !line.resume) throw ConfigError("--accept-changes is for --resume");
     return arguments;
 }
 
@@ -209,13 +166,20 @@ void apply(Arguments& arguments, ConfigTable& table) {
 
 }  // namespace
 
+std::vector<TrainOption> train_options(const ConfigTable& table) {
+    std::vector<TrainOption> options;
+    for (const auto& option : kOptions) {
+        if (is_offered(option, table)) options.push_back(option);
+    }
+    return options;
+}
+
 std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,
                       std::size_t width) {
     constexpr std::size_t column = 28;
     auto text = wrap(fmt::format("{}: {}", program, description), 0, width);
     text += fmt::format("\nusage: {} [--config FILE] [KEY=VALUE ...] [options]\n\noptions:\n", program);
-    for (const auto& option : kOptions) {
-        if (!is_offered(option, table)) continue;
+    for (const auto& option : train_options(table)) {
         const auto help =
             option.key.empty() ? std::string(option.help) : fmt::format("{} ({})", option.help, option.key);
         text += two_columns(fmt::format("{} {}", option.name, option.value), help, column, width);
@@ -231,7 +195,15 @@ std::string help_text(std::string_view program, std::string_view description, co
         text +=
             two_columns(entry.key, fmt::format("{} [{}]", entry.help, setting_text(entry)), column, width);
     }
-    return text;
+    text += fmt::format(
+        "\nexamples:\n"
+        "  {0} env.game=breakout --seed 1 --run-dir runs/breakout\n"
+        "  {0} --resume --run-dir runs/breakout\n"
+        "  {0} --config FILE.yaml --print-config\n\n",
+        program);
+    return text +
+           wrap("exit codes: 0 done, 1 failed, 2 usage, 3 cannot resume, 130 interrupted after a checkpoint",
+                0, width);
 }
 
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,

@@ -12,11 +12,23 @@
 
 namespace cale {
 
+/// An option of the training programs as --help shows it. Those with a `key` are another way to set that key.
+struct TrainOption {
+    std::string_view name;
+    std::string_view value;  // what it takes: FILE.yaml, GAME, N, ...; empty: nothing
+    std::string_view help;
+    std::string_view key = "";
+};
+
+/// The options that a program with these settings has, in the order of its --help.
+std::vector<TrainOption> train_options(const ConfigTable& table);
+
 struct CommandLine {
     std::string config_file;             // empty: the defaults alone
     std::vector<std::string> overrides;  // KEY=VALUE as given, in order
     std::string run_dir;                 // empty: the program chooses one
     bool resume = false;
+    bool accept_changes = false;   // resume although settings differ
     std::string device = "auto";   // auto, cpu, cuda or cuda:<index>
     std::string threads = "auto";  // auto or a number from 1
     bool progress = true;

@@ -13,15 +13,16 @@ namespace cale {
 
 /// One algorithm, ready to be trained: its settings are in the table already.
 struct Program {
-    std::string name;         // "train_sac"
-    std::string agent_name;   // "sac"
-    std::string description;  // for --help
-    ConfigTable& table;
-    EnvConfig& env;
-    TrainConfig& train;
-    EvalConfig& eval;
-    LogConfig& log;
-    std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;
+    std::string name;                                                    // "train_sac"
+    std::string agent_name;                                              // "sac"
+    std::string description;                                             // for --help
+    ConfigTable& table;                                                  // refers to the next four
+    EnvConfig& env;                                                      // section env
+    TrainConfig& train;                                                  // section train
+    EvalConfig& eval;                                                    // section eval
+    LogConfig& log;                                                      // section log
+    std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
+    bool several_processes = false;  // can train one agent together: see ProcessGroup
 };
 
 /// Reads the command line, makes or opens the run's folder, trains.
@@ -29,13 +30,10 @@ struct Program {
 /// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
 int run_program(const Program& program, int argc, const char* const* argv);
 
-/// The main() of a training program in one call. AgentConfig::kActionSpace is the action space that the
-/// environment has unless told otherwise.
+/// All settings of a training program. The table refers to `config`. AgentConfig::kActionSpace is the action
+/// space that the environment has unless told otherwise.
 template <class AgentConfig>
-int run_program(const std::string& agent_name, const std::string& description,
-                std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
-                const char* const* argv) {
-    RunConfig<AgentConfig> config;
+ConfigTable settings_of(RunConfig<AgentConfig>& config) {
     config.env.action_space = AgentConfig::kActionSpace;
     ConfigTable table;
     table.add("env", config.env);
@@ -43,6 +41,17 @@ int run_program(const std::string& agent_name, const std::string& description,
     table.add("train", config.train);
     table.add("eval", config.eval);
     table.add("log", config.log);
+    return table;
+}
+
+/// The main() of a training program in one call. AgentConfig::kSeveralProcesses, where it is there and true,
+/// says that the agent makes use of AgentSpec::processes.
+template <class AgentConfig>
+int run_program(const std::string& agent_name, const std::string& description,
+                std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
+                const char* const* argv) {
+    RunConfig<AgentConfig> config;
+    ConfigTable table = settings_of(config);
     return run_program(
         Program{.name = "train_" + agent_name,
                 .agent_name = agent_name,
@@ -52,7 +61,12 @@ int run_program(const std::string& agent_name, const std::string& description,
                 .train = config.train,
                 .eval = config.eval,
                 .log = config.log,
-                .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); }},
+                .make_agent = [&](const AgentSpec& spec) {
+        return make_agent(config.agent, spec); },
+                .several_processes = requires { requires AgentConfig::kSeveralProcesses;
+}
+}  // namespace cale
+,
         argc, argv);
 }
 

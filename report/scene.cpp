@@ -16,6 +16,10 @@ namespace {
 constexpr int kScale = 3;
 constexpr int kGap = 24;
 constexpr int kPanelWidth = kScale * kFrameWidth;
+constexpr int kViewTop = kGap + 26;  // what the agent sees
+constexpr int kDialTop = kViewTop + kScale * kFrameHeight + 50;
+constexpr int kDialRadius = 88;
+constexpr int kTextTop = kDialTop + 2 * kDialRadius + 22;  // the event, and below it the numbers
 
 // Colours are RGB, as the image is.
 const cv::Scalar kBackground(22, 25, 31);
@@ -115,25 +119,38 @@ Image compose_frame(const Scene& scene) {
     cv::resize(screen, canvas(left), left.size(), 0, 0, cv::INTER_NEAREST);
 
     const int x = left.width + kGap;
-    int y = kGap + 12;
-    draw_text(canvas, "what the agent sees", {x, y}, 0.5, kText);
-    y += 14;
+    draw_text(canvas, "what the agent sees", {x, kViewTop - 14}, 0.5, kText);
     const cv::Mat grey(kFrameHeight, kFrameWidth, CV_8UC1,
                        const_cast<std::uint8_t*>(scene.observation.data()));
     cv::Mat observation;
     cv::cvtColor(grey, observation, cv::COLOR_GRAY2RGB);
-    const cv::Rect view(x, y, kPanelWidth, kScale * kFrameHeight);
+    const cv::Rect view(x, kViewTop, kPanelWidth, kScale * kFrameHeight);
     cv::resize(observation, canvas(view), view.size(), 0, 0, cv::INTER_NEAREST);
-    y += view.height + 34;
 
-    draw_text(canvas, "what it does", {x, y}, 0.5, kText);
-    constexpr double radius = 88;
-    draw_joystick(canvas, scene, cv::Point2d(x + radius + 2, y + 16 + radius), radius);
-    draw_text(canvas, "fire", {x + 206, y + 16 + 2 * 88 + 22}, 0.5, kText);
-    y += 16 + 2 * 88 + 22;
-    draw_text(canvas, std::string(event_name(scene.event)), {x, y}, 0.55, kStick);
-    draw_text(canvas, fmt::format("return {:g}", scene.episode_return), {x, y + 38}, 0.75, kText);
+    draw_text(canvas, "what it does", {x, kDialTop - 16}, 0.5, kText);
+    const Dial dial = joystick_dial(scene.screen_width);
+    draw_joystick(canvas, scene, {dial.x, dial.y}, dial.radius);
+    draw_text(canvas, "fire", {x + 206, kTextTop}, 0.5, kText);
+    draw_text(canvas, std::string(event_name(scene.event)), {x, kTextTop}, 0.55, kStick);
+    draw_text(canvas, fmt::format("return {:g}", scene.episode_return), {x, kTextTop + 38}, 0.75, kText);
+    if (scene.value)
+        draw_text(canvas, fmt::format("value {:.3g}", *scene.value), {x, kTextTop + 64}, 0.5, kText);
     return image;
+}
+
+Image compose_frame(const Env& env, Scene scene) {
+    std::vector<std::uint8_t> screen;
+    env.screen_rgb(screen);
+    scene.screen = screen;
+    scene.screen_width = env.screen_width();
+    scene.screen_height = env.screen_height();
+    return compose_frame(scene);
+}
+
+Dial joystick_dial(int screen_width) {
+    return {.x = kScale * screen_width + kGap + kDialRadius + 2.0,
+            .y = kDialTop + static_cast<double>(kDialRadius),
+            .radius = kDialRadius};
 }
 
 }  // namespace cale

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cale/action.h"
+#include "cale/env.h"
 
 namespace cale {
 
@@ -26,11 +27,22 @@ struct Scene {
     double threshold = 0.5;                       // tau
     Event event = Event::noop;
     double episode_return = 0;
+    std::optional<double> value{};  // what the agent expects the return to be from here on
 };
 
 /// The game three times as large; beside it what the agent sees, and its joystick: the stick in the
-/// unit disc with the lines beyond which it counts, the fire button, the event, the return so far.
-/// Every scene of the same screen size gives an image of the same, even, size.
+/// unit disc with the lines beyond which it counts, the fire button, the event, the return so far, the
+/// value. Every scene of the same screen size gives an image of the same, even, size.
 Image compose_frame(const Scene& scene);
+/// The same with the screen of `env`, whatever `scene` has for one.
+Image compose_frame(const Env& env, Scene scene);
+
+/// Where compose_frame draws the disc of the joystick for a screen of this width, in the image's pixels.
+struct Dial {
+    double x = 0;  // of its centre, from the upper left corner
+    double y = 0;
+    double radius = 0;
+};
+Dial joystick_dial(int screen_width);
 
 }  // namespace cale

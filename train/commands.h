@@ -1,6 +1,7 @@
 // The subcommands of `cale`, a file each. A function adds one to the program; its callback, which
 // runs when the command line named it, does the work. What it throws is printed as one sentence and
-// ends the program with code 1; a callback that has another code to give stores it in `exit_code`.
+// ends the program: with code 2 if the user's words are at fault (ConfigError, std::invalid_argument), else
+// with 1. A callback that has another code to give stores it in `exit_code`.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -9,5 +10,21 @@ namespace cale {
 
 /// Where the time of a run went.
 void add_bench(CLI::App& app);
+/// Scripts for shells.
+void add_completion(CLI::App& app);
+/// Games played by a trained policy.
+void add_evaluate(CLI::App& app);
+/// Policies for other programs.
+void add_export(CLI::App& app);
+/// The sixty games.
+void add_games(CLI::App& app);
+/// The regions of the joystick.
+void add_map(CLI::App& app);
+/// A game in a window.
+void add_play(CLI::App& app);
+/// Statistics and figures of many runs.
+void add_report(CLI::App& app);
+/// Every run of a comparison.
+void add_sweep(CLI::App& app, int& exit_code);
 
 }  // namespace cale

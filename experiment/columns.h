@@ -1,0 +1,19 @@
+// Text for a terminal: what --help is made of.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace cale {
+
+/// Words of `text` in lines of at most `width` columns, each indented; a longer word has a line of its own.
+std::string wrap(std::string_view text, std::size_t indent, std::size_t width);
+
+/// `left` indented by two, `right` wrapped from column `column` on, below it where `left` is long.
+std::string two_columns(std::string_view left, std::string_view right, std::size_t column, std::size_t width);
+
+/// Columns of the standard output's terminal, 40 to 120; 80 where there is none.
+std::size_t terminal_width();
+
+}  // namespace cale

@@ -1,0 +1,23 @@
+// The sixty games as text, for `cale games`.
+#pragma once
+
+#include <string>
+
+#include "cale/games.h"
+
+namespace cale {
+
+/// A row per game: name, number of minimal actions, random and human score, whether it is one of
+/// Atari 100k, the file of its ROM. Empty `rom_dir`: as find_rom() has it. `atari100k`: those 26 alone.
+std::string game_table(const std::string& rom_dir, bool atari100k);
+
+/// The same as CSV:
+/// game,rom,atari100k,random_score,human_score,minimal_action_count,minimal_actions,rom_file. The events of
+/// the minimal set, with spaces between, are asked of the emulator: they are empty, as the file is, where the
+/// ROM is missing. So are the scores of the five games that have none.
+std::string game_csv(const std::string& rom_dir, bool atari100k);
+
+/// All about one game, a line for each, its events among them.
+std::string game_details(const Game& game, const std::string& rom_dir);
+
+}  // namespace cale

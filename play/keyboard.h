@@ -1,0 +1,52 @@
+// From the keys that are held and the mouse to the continuous joystick.
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "cale/action.h"
+#include "report/scene.h"
+
+namespace cale {
+
+/// Where the stick is in its disc: x to the right, y upwards, at most 1 from the middle.
+struct Stick {
+    double x = 0;
+    double y = 0;
+};
+
+/// What the player's hands do.
+struct Hands {
+    bool up = false;
+    bool down = false;
+    bool left = false;
+    bool right = false;
+    bool fire = false;
+    bool half = false;               // pushes the stick half as far
+    double reach = 1;                // how far the keys push it, 0 to 1
+    std::optional<Stick> pointer{};  // where the mouse holds it; the keys do not count then
+};
+
+/// What a key can ask for beside moving the joystick.
+enum class Command { none, quit, pause, new_game };
+
+/// A key was pressed, or let go. Keys have SDL's names:
+///   Up, Down, Left, Right; W, S, A, D    the stick
+///   Space                                fire
+///   Left Shift, Right Shift              half as far
+///   1 ... 9, 0                           the keys push the stick 0.1 ... 0.9, 1 from the middle
+///   P, R, Escape                         pause, new game, quit
+/// Any other does nothing.
+Command press(Hands& hands, std::string_view key, bool down);
+
+/// Where a pointer at (x, y), from the upper left corner of the picture, holds the stick; at the rim where it
+/// points outside the dial.
+Stick stick_at(double x, double y, const Dial& dial);
+
+/// (r, theta, fire): opposite keys cancel out, fire is 0 or 1.
+ContinuousAction joystick(const Hands& hands);
+
+/// The keys, a line each, to be read before playing.
+std::string_view keyboard_help();
+
+}  // namespace cale

@@ -1,0 +1,48 @@
+// Games played before somebody's eyes, or by their hands.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "cale/env.h"
+#include "experiment/evaluation.h"
+#include "play/keyboard.h"
+#include "report/scene.h"
+
+namespace cale {
+
+/// Where the pictures go, and where the player's wishes come from. Either may be empty.
+struct Stage {
+    std::function<void(const Image& picture, const std::string& title)> show{};
+    /// Takes in what the player did since the last call.
+    std::function<Command(Hands& hands)> poll{};
+};
+
+struct PlayPlan {
+    EnvConfig env{};
+    Decide decide{};  // empty: the hands play
+    std::size_t stack_depth = 4;
+    std::uint64_t seed = 1;
+    std::int64_t games =
+        std::numeric_limits<std::int64_t>::max();  // it ends after these, or when the player quits
+    double speed = 1;                              // times that of the console; 0: as fast as it goes
+    std::filesystem::path video{};                 // an MP4 file of all that is shown; empty: none
+    std::function<void(const EvaluatedGame& game)> ended{};  // called after each game that came to its end
+};
+
+/// Plays game after game, a picture per agent step. While it is paused nothing is filmed.
+/// Throws what the environment, the stage, `decide` and the film throw.
+void play(const PlayPlan& plan, const Stage& stage);
+
+/// The size of the pictures of a game, and where its dial is.
+struct PictureSize {
+    int width = 0;
+    int height = 0;
+    Dial dial{};
+};
+PictureSize picture_size(const EnvConfig& env);
+
+}  // namespace cale

@@ -1,0 +1,45 @@
+#include "experiment/game_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using testing::HasSubstr;
+
+auto lines(const std::string& text) {
+    return std::count(text.begin(), text.end(), '\n');
+}
+
+TEST(GameTable, HasARowForEachGame) {
+    const auto table = game_table("", false);
+    EXPECT_EQ(lines(table), 62);  // with the head and the sum
+    EXPECT_THAT(table, HasSubstr("\nBreakout                4        1.7       30.5  yes   "));
+    EXPECT_THAT(table, HasSubstr("\nAirRaid                 6          -          -        "));
+    EXPECT_EQ(lines(game_table("", true)), 28);
+    EXPECT_THAT(game_table("", true), HasSubstr("\n26 games, all with their ROM\n"));
+}
+
+TEST(GameTable, SaysWhichRomsAreMissing) {
+    const test::TemporaryFolder empty;
+    const auto table = game_table(empty.path().string(), false);
+    EXPECT_THAT(table, HasSubstr("missing"));
+    EXPECT_THAT(table, HasSubstr("60 games, 60 without their ROM: run scripts/setup"));
+    EXPECT_THAT(game_csv(empty.path().string(), true), HasSubstr("\nPong,pong,1,-20.7,14.6,6,,\n"));
+    EXPECT_THAT(game_details(find_game("pong"), empty.path().string()), HasSubstr("pong.bin, missing"));
+}
+
+TEST(GameTableEmulator, AsksTheEmulatorForTheActions) {
+    const auto csv = game_csv("", true);
+    EXPECT_EQ(lines(csv), 27);
+    EXPECT_THAT(csv, HasSubstr("\nPong,pong,1,-20.7,14.6,6,NOOP FIRE RIGHT LEFT RIGHTFIRE LEFTFIRE,/"));
+    EXPECT_THAT(game_details(find_game("Breakout"), ""), HasSubstr("4: NOOP, FIRE, RIGHT, LEFT\n"));
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,165 @@
+#include "play/session.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "play/window.h"
+
+namespace cale {
+namespace {
+
+EnvConfig breakout() {
+    EnvConfig env = protocol_atari100k("breakout");
+    env.max_frames_per_episode = 160;
+    return env;
+}
+
+/// A player whose hands are told, step by step, what to do, and who leaves after `steps` of them.
+struct Player {
+    std::function<Command(int step, Hands&)> moves{};
+    int steps = 0;
+    std::vector<std::string> titles{};
+    std::set<std::string> pictures{};
+
+    Stage stage() {
+        return {.show =
+                    [this](const Image& picture, const std::string& title) {
+                        titles.push_back(title);
+                        pictures.emplace(picture.rgb.begin(), picture.rgb.end());
+                    },
+                .poll =
+                    [this](Hands& hands) {
+                        ++steps;
+                        return moves(steps, hands);
+                    }};
+    }
+};
+
+TEST(PlayEmulator, TheHandsServeTheBall) {
+    std::map<bool, std::size_t> pictures;
+    for (const bool serves : {true, false}) {
+        Player player;
+        player.moves = [&](int step, Hands& hands) {
+            press(hands, "Space", serves && step < 5);
+            return Command::none;
+        };
+        std::vector<std::int64_t> lengths;
+        PlayPlan plan{.env = breakout(), .games = 2, .speed = 0};
+        plan.ended = [&](const EvaluatedGame& game) { lengths.push_back(game.length); };
+        play(plan, player.stage());
+        ASSERT_EQ(lengths.size(), 2u);
+        EXPECT_EQ(player.titles.size(), static_cast<std::size_t>(lengths[0] + lengths[1]));
+        EXPECT_THAT(player.titles.front(), testing::HasSubstr("Breakout: return 0"));
+        pictures[serves] = player.pictures.size();
+    }
+    EXPECT_LT(pictures[false], 5u);  // nothing moves
+    EXPECT_GT(pictures[true], 12u);  // the ball does
+}
+
+TEST(PlayEmulator, QuitEndsItAndAnotherGameBegins) {
+    Player player;
+    player.moves = [](int step, Hands&) {
+        return step == 10 ? Command::new_game : step == 15 ? Command::quit : Command::none;
+    };
+    int ended = 0;
+    PlayPlan plan{.env = breakout(), .speed = 0};
+    plan.ended = [&](const EvaluatedGame&) { ++ended; };
+    play(plan, player.stage());
+    EXPECT_EQ(player.steps, 15);
+    EXPECT_EQ(ended, 0);
+}
+
+TEST(PlayEmulator, APausedGameStandsStill) {
+    Player player;
+    player.moves = [](int step, Hands&) {
+        if (step == 3 || step == 40) return Command::pause;
+        return step == 41 ? Command::quit : Command::none;
+    };
+    play({.env = breakout(), .speed = 0}, player.stage());
+    EXPECT_LE(player.pictures.size(), 4u);
+    EXPECT_THAT(player.titles[20], testing::HasSubstr("paused"));
+    EXPECT_THAT(player.titles.back(), testing::Not(testing::HasSubstr("paused")));
+}
+
+TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
+    const auto film = std::filesystem::path(testing::TempDir()) / "cale_play_policy.mp4";
+    std::filesystem::remove(film);
+    std::int64_t decisions = 0;
+    PlayPlan plan{.env = breakout(), .games = 1, .speed = 0, .video = film};
+    plan.env.action_space = ActionSpace::minimal;
+    plan.decide = [&](const torch::Tensor& observations, std::span<const std::int64_t> games) {
+        EXPECT_EQ(observations.sizes(), (std::vector<std::int64_t>{1, 4, 84, 84}));
+        EXPECT_EQ(games.size(), 1u);
+        ++decisions;
+        return Chosen{.actions = torch::ones({1}, torch::kInt64)};
+    };
+    EvaluatedGame result;
+    plan.ended = [&](const EvaluatedGame& game) { result = game; };
+    play(plan, {});
+    EXPECT_EQ(result.length, decisions);
+    EXPECT_GT(std::filesystem::file_size(film), 1000u);
+    std::filesystem::remove(film);
+}
+
+TEST(PlayEmulator, PicturesHaveTheSizeThatIsSaidBefore) {
+    const PictureSize size = picture_size(breakout());
+    Player player;
+    int width = 0;
+    player.moves = [](int, Hands&) { return Command::quit; };
+    auto stage = player.stage();
+    stage.show = [&](const Image& picture, const std::string&) { width = picture.width; };
+    play({.env = breakout(), .speed = 0}, stage);
+    EXPECT_EQ(width, size.width);
+    EXPECT_GT(size.dial.x, 3 * 160);
+    EXPECT_LT(size.dial.x + size.dial.radius, size.width);
+}
+
+/// A window without a display: SDL's dummy driver.
+class WindowTest : public testing::Test {
+  protected:
+    void SetUp() override {
+        setenv("SDL_VIDEODRIVER", "dummy", 1);
+        try {
+            const Window window(64, 48, {});
+        } catch (const std::runtime_error& error) {
+            ASSERT_THAT(error.what(), testing::HasSubstr("libsdl2-dev"));
+            GTEST_SKIP() << error.what();
+        }
+    }
+    void TearDown() override { unsetenv("SDL_VIDEODRIVER"); }
+};
+
+TEST_F(WindowTest, ShowsPicturesOfItsSizeAlone) {
+    Window window(64, 48, {});
+    Image picture{.width = 64, .height = 48, .rgb = std::vector<std::uint8_t>(64 * 48 * 3)};
+    EXPECT_NO_THROW(window.show(picture, "title"));
+    picture.width = 32;
+    EXPECT_THROW(window.show(picture, "title"), std::invalid_argument);
+}
+
+TEST_F(WindowTest, CtrlCIsAWishToLeave) {
+    Window window(64, 48, {});
+    Hands hands;
+    EXPECT_EQ(window.poll(hands), Command::none);
+    std::raise(SIGINT);
+    EXPECT_EQ(window.poll(hands), Command::quit);
+    EXPECT_EQ(window.poll(hands), Command::none);
+}
+
+TEST(WindowWithoutDisplay, SaysSo) {
+    setenv("SDL_VIDEODRIVER", "no_such_driver", 1);
+    EXPECT_THROW(Window(64, 48, {}), std::runtime_error);
+    unsetenv("SDL_VIDEODRIVER");
+}
+
+}  // namespace
+}  // namespace cale
