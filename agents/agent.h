@@ -10,28 +10,34 @@
 
 #include <torch/types.h>
 
+#include "agents/process_group.h"
 #include "agents/time_split.h"
 #include "cale/env.h"
 
 namespace cale {
 
+class ReplayBuffer;
+
+/// Tensors by name.
 using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// What an agent is told about the world it is made for.
 struct AgentSpec {
-    std::int64_t num_envs = 1;
-    std::int64_t num_actions = 0;  // 0: the continuous joystick
-    std::int64_t stack = 4;
-    std::int64_t frame_height = kFrameHeight;
-    std::int64_t frame_width = kFrameWidth;
-    std::int64_t total_steps = 0;  // agent steps of the whole run, for schedules that end with it
-    std::uint64_t seed = 1;
-    torch::Device device = torch::kCPU;
+    std::int64_t num_envs = 1;                 // of this process
+    std::int64_t num_actions = 0;              // 0: the continuous joystick
+    std::int64_t stack = 4;                    // frames of an observation
+    std::int64_t frame_height = kFrameHeight;  // rows of a frame
+    std::int64_t frame_width = kFrameWidth;    // columns of a frame
+    std::int64_t total_steps = 0;              // agent steps of the whole run, for schedules that end with it
+    std::uint64_t seed = 1;                    // all that is random in the agent follows from it
+    torch::Device device = torch::kCPU;        // where the networks are
+    ProcessGroup processes = {};  // that train this agent together, each with num_envs environments
 };
 
 /// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not
 /// that of the world.
 void require_continuous(std::string_view who, const AgentSpec& spec);
+/// See require_continuous().
 void require_discrete(std::string_view who, const AgentSpec& spec);
 
 /// One agent step of N environments. The spans need to live only during the call.
@@ -42,6 +48,7 @@ struct Experiences {
     std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
 };
 
+/// With the noise of training, or as evaluations do it.
 enum class ActMode { train, evaluate };
 
 /// The order of calls, in the paper's strict rhythm:  update, act, (environment), observe.
@@ -70,13 +77,13 @@ class Agent {
     virtual std::map<std::string, double> metrics() = 0;
 
     /// Everything that the future of this agent depends on but for the replay's contents; a rollout under way
-    /// is part of it.
+    /// is part of it. All processes of a run call it together, and what the first one gets is that of all.
     virtual TensorMap state() = 0;
     /// Throws std::runtime_error, and changes nothing, for the state of another agent or configuration.
     virtual void load_state(const TensorMap& state) = 0;
-    /// The replay's contents, written to and read from a file; agents without memory do nothing.
-    virtual void save_memory(const std::string& path) const = 0;
-    virtual void load_memory(const std::string& path) = 0;
+    /// The replay that it learns from, whose contents a checkpoint holds beside state(); null where it has
+    /// none.
+    virtual ReplayBuffer* replay() { return nullptr; }
 };
 
 }  // namespace cale

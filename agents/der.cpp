@@ -107,7 +107,7 @@ DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor&
 namespace {
 
 QLearner make_learner(const DerConfig& config, const AgentSpec& spec) {
-    return make_q_learner(config.encoder,
+    return make_q_learner({.encoder = config.encoder, .padding = config.padding},
                           {.num_actions = spec.num_actions,
                            .hidden_units = config.hidden_units,
                            .num_atoms = config.distributional ? config.num_atoms : 1,
@@ -173,8 +173,7 @@ class Der final : public Agent {
         newest_ = {};
         gradient_step_.forget();
     }
-    void save_memory(const std::string& path) const override { memory_.save(path); }
-    void load_memory(const std::string& path) override { memory_.load(path); }
+    ReplayBuffer* replay() override { return &memory_.replay(); }
 
   private:
     /// Noisy weights explore by themselves, from the first step on.

@@ -62,7 +62,7 @@ namespace {
 
 QLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
     return make_q_learner(
-        config.encoder,
+        {.encoder = config.encoder, .padding = config.padding},
         {.num_actions = spec.num_actions, .hidden_units = config.hidden_units, .dueling = config.dueling},
         {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
         stream_seed(spec.seed, kInitialValues));
@@ -121,8 +121,7 @@ class Dqn final : public Agent {
         newest_ = {};
         gradient_step_.forget();
     }
-    void save_memory(const std::string& path) const override { memory_.save(path); }
-    void load_memory(const std::string& path) override { memory_.load(path); }
+    ReplayBuffer* replay() override { return &memory_.replay(); }
 
   private:
     StateParts parts() {

@@ -43,13 +43,15 @@ ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec
                            std::uint64_t seed)
     : settings_(settings),
       spec_(spec),
-      replay_(replay_config(settings, spec, prioritised)),
+      replay_(replay_config(settings, spec, prioritised),
+              settings.replay_on_device ? std::optional(spec.device) : std::nullopt),
       sampled_(replay_.empty_batch(settings.batch_size)),
       copied_(spec.device.type()),
       random_(seed) {
     if (spec.device.is_cpu()) return;
     on_device_ = sampled_;  // `index` stays where it is
     for (const auto part : kDeviceParts) {
+        if (!(sampled_.*part).is_cpu()) continue;  // made there
         sampled_.*part = (sampled_.*part).pin_memory();
         on_device_.*part = torch::empty_like(sampled_.*part, spec.device);
     }
@@ -115,7 +117,9 @@ Batch ReplayMemory::sample() {
     }
     if (spec_.device.is_cpu()) return sampled_;
     const Timed timed(time_.transfer);
-    for (const auto part : kDeviceParts) (on_device_.*part).copy_(sampled_.*part, /*non_blocking=*/true);
+    for (const auto part : kDeviceParts) {
+        if ((sampled_.*part).is_cpu()) (on_device_.*part).copy_(sampled_.*part, /*non_blocking=*/true);
+    }
     copied_.record(c10::impl::VirtualGuardImpl(spec_.device.type()).getStream(spec_.device));
     return on_device_;
 }
@@ -129,10 +133,6 @@ void ReplayMemory::set_priorities(const Batch& batch, const torch::Tensor& prior
 void ReplayMemory::add_state(StateParts& parts) {
     parts.engines["random/replay"] = &random_;
     parts.counters["training_steps"] = &decisions_;
-}
-
-void ReplayMemory::load(const std::string& path) {
-    replay_.load(path);
 }
 
 }  // namespace cale

@@ -29,6 +29,7 @@ struct ReplaySettings {
     std::optional<double> reward_clip = std::nullopt;
     double reward_scale = 1;
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;
+    bool replay_on_device = false;
 };
 
 template <class Visit>
@@ -45,15 +46,18 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "factor of the n-step return in the values' target");
     visit("replay_terminal", settings.replay_terminal,
           "corrected: every transition once; dopamine: the reference's accumulator");
+    visit("replay_on_device", settings.replay_on_device,
+          "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
 }
 
 /// Consecutive decisions, numbered from 0 over a run: first, ..., end - 1.
 struct Decisions {
-    std::int64_t first = 0, end = 0;
+    std::int64_t first = 0, end = 0;  // the first, and the one after the last
     /// How many of them are multiples of `period`.
     std::int64_t multiples_of(std::int64_t period) const;
 };
 
+/// A replay, and the count of decisions that tells when to learn from it.
 class ReplayMemory {
   public:
     /// Throws as ReplayBuffer does.
@@ -81,9 +85,10 @@ class ReplayMemory {
     /// For the batch sampled last, before anything else is stored: see ReplayBuffer.
     void set_priorities(const Batch& batch, const torch::Tensor& priorities);
 
+    /// Adds the generator and the counters; the contents are replay()'s.
     void add_state(StateParts& parts);
-    void save(const std::string& path) const { replay_.save(path); }
-    void load(const std::string& path);
+    /// The contents.
+    ReplayBuffer& replay() { return replay_; }
 
   private:
     ReplaySettings settings_;

@@ -184,8 +184,7 @@ class Sac final : public Agent {
         newest_ = {};
         gradient_step_.forget();
     }
-    void save_memory(const std::string& path) const override { memory_.save(path); }
-    void load_memory(const std::string& path) override { memory_.load(path); }
+    ReplayBuffer* replay() override { return &memory_.replay(); }
 
   private:
     SquashedGaussian policy(const torch::Tensor& observations) {

@@ -173,8 +173,7 @@ class Sacd final : public Agent {
         newest_ = {};
         gradient_step_.forget();
     }
-    void save_memory(const std::string& path) const override { memory_.save(path); }
-    void load_memory(const std::string& path) override { memory_.load(path); }
+    ReplayBuffer* replay() override { return &memory_.replay(); }
 
   private:
     torch::Tensor log_policy(const torch::Tensor& observations) {

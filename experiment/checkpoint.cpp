@@ -1,90 +1,175 @@
 #include "experiment/checkpoint.h"
 
+#include <fcntl.h>
+
 #include <algorithm>
-#include <fstream>
-#include <iterator>
+#include <cstdio>  // renameat2
+#include <system_error>
 #include <utility>
 
+#include <c10/util/Exception.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "experiment/files.h"
 #include "experiment/safetensors.h"
+#include "replay/replay_buffer.h"
 
 namespace cale {
 namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kFormatVersion = 2;
 constexpr const char* kAgentFile = "agent.safetensors";
 constexpr const char* kGamesFile = "games.safetensors";
 constexpr const char* kReplayFile = "replay.zst";
 constexpr const char* kStateFile = "state.json";
+constexpr const char* kPartial = ".partial";
 
-std::string to_json(const RunState& state, bool has_replay) {
-    return nlohmann::json{{"format_version", kFormatVersion},
-                          {"has_replay", has_replay},
-                          {"step", state.step},
+std::string to_json(const RunState& state) {
+    return nlohmann::json{{"step", state.step},
                           {"frame", state.frame},
                           {"episodes", state.episodes},
                           {"seconds", state.seconds},
                           {"recent_returns", state.recent_returns},
                           {"episodes_offset", state.episodes_offset},
                           {"progress_rows", state.progress_rows},
+                          {"evaluation_due", state.evaluation_due},
                           {"metrics", state.metrics}}
-        .dump(2);
+               .dump(2) +
+           "\n";
 }
 
-RunState from_json(const nlohmann::json& json) {
-    return {.step = json.at("step"),
-            .frame = json.at("frame"),
-            .episodes = json.at("episodes"),
-            .seconds = json.at("seconds"),
-            .recent_returns = json.at("recent_returns"),
-            .episodes_offset = json.at("episodes_offset"),
-            .progress_rows = json.at("progress_rows"),
-            .metrics = json.at("metrics")};
+std::int64_t count(const nlohmann::json& json, const char* name) {
+    if (json.at(name).is_number_unsigned()) return json.at(name);
+    throw std::runtime_error(fmt::format("{}: {} is no count", kStateFile, name));
 }
 
-Checkpoint load_checkpoint(const fs::path& folder, Agent& agent, bool load_replay) {
-    std::ifstream file(folder / kStateFile);
-    if (!file) throw std::runtime_error(fmt::format("{} is missing", kStateFile));
-    const auto json = nlohmann::json::parse(file);
-    if (json.at("format_version") != kFormatVersion) {
-        throw std::runtime_error(fmt::format("its format is version {}, this program reads version {}",
-                                             json.at("format_version").dump(), kFormatVersion));
+RunState from_json(const std::string& text) {
+    try {
+        const auto json = nlohmann::json::parse(text);
+        return {.step = count(json, "step"),
+                .frame = count(json, "frame"),
+                .episodes = count(json, "episodes"),
+                .seconds = json.at("seconds"),
+                .recent_returns = json.at("recent_returns"),
+                .episodes_offset = count(json, "episodes_offset"),
+                .progress_rows = count(json, "progress_rows"),
+                .evaluation_due = json.at("evaluation_due"),
+                .metrics = json.at("metrics")};
+    } catch (const nlohmann::json::exception&) {
+        throw std::runtime_error(fmt::format("{} is damaged", kStateFile));
     }
-    Checkpoint checkpoint{.state = from_json(json), .games = load_safetensors(folder / kGamesFile).tensors};
+}
+
+/// Whether the file, as it is now, is what the manifest says.
+bool is_good(const StoredCheckpoint& checkpoint, const std::string& file) {
+    const auto found = checkpoint.manifest.find(file);
+    if (found == checkpoint.manifest.end()) return false;
+    try {
+        return record_of(checkpoint.folder / file) == found->second;
+    } catch (const std::system_error&) {
+        return false;
+    }
+}
+
+/// A second name for the same file; a copy where the file system has no such thing.
+void link_or_copy(const fs::path& from, const fs::path& to) {
+    std::error_code refused;
+    fs::create_hard_link(from, to, refused);
+    if (refused) write_file_atomically(to, read_file(from));
+}
+
+/// Puts `partial` in the place of `folder`, at one stroke where the file system can.
+void publish(const fs::path& partial, const fs::path& folder) {
+    if (fs::exists(folder) &&
+        ::renameat2(AT_FDCWD, partial.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) {
+        fs::remove_all(partial);
+    } else {
+        fs::remove_all(folder);
+        fs::rename(partial, folder);
+    }
+    sync_name(folder);
+}
+
+/// A folder's contents that are named in a manifest are never deleted under its name: a run killed meanwhile
+/// would leave half of them.
+void delete_checkpoint(const fs::path& folder) {
+    const fs::path partial = folder.string() + kPartial;
+    fs::remove_all(partial);
+    fs::rename(folder, partial);
+    fs::remove_all(partial);
+}
+
+StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with_replay,
+                                 const std::function<void(const TensorMap&)>& restore_games,
+                                 RunState& state) {
+    StoredCheckpoint stored{folder, read_manifest(folder)};
+    for (const auto* file : {kAgentFile, kGamesFile, kStateFile})
+        if (!stored.manifest.contains(file)) throw std::runtime_error(fmt::format("it lacks {}", file));
+    verify(folder, stored.manifest);
+    state = from_json(read_file(folder / kStateFile));
+    restore_games(load_safetensors(folder / kGamesFile).tensors);
     agent.load_state(load_safetensors(folder / kAgentFile).tensors);
-    if (load_replay && json.at("has_replay")) agent.load_memory((folder / kReplayFile).string());
-    return checkpoint;
+    if (with_replay && agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
+        agent.replay()->load(folder);
+    return stored;
 }
 
 }  // namespace
 
-fs::path save_checkpoint(const fs::path& run_dir, Agent& agent, const TensorMap& games, const RunState& state,
-                         bool save_replay, std::int64_t keep) {
-    fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", state.step);
-    const fs::path partial = folder.string() + ".partial";
+StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot, const StoredCheckpoint* last,
+                                  const StoredCheckpoint* before_last) {
+    if (!fs::exists(run_dir)) {
+        throw std::runtime_error(
+            fmt::format("the run's folder {} is gone: no checkpoint could be written", run_dir.string()));
+    }
+    const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", snapshot.state.step);
+    const fs::path partial = folder.string() + kPartial;
     fs::remove_all(partial);
     fs::create_directories(partial);
     try {
-        save_safetensors(partial / kAgentFile, agent.state());
-        save_safetensors(partial / kGamesFile, games);
-        if (save_replay) agent.save_memory((partial / kReplayFile).string());
-        write_file_atomically(partial / kStateFile, to_json(state, save_replay));
-        fs::remove_all(folder);
-        fs::rename(partial, folder);
-        sync_name(folder);
+        Manifest manifest;
+        if (snapshot.replay) {
+            snapshot.replay->save(partial, [&](const std::string& file) {
+                if (before_last != nullptr && is_good(*before_last, file)) {
+                    link_or_copy(before_last->folder / file, partial / file);
+                    manifest[file] = before_last->manifest.at(file);
+                } else if (last != nullptr && is_good(*last, file)) {
+                    write_file_atomically(partial / file, read_file(last->folder / file));
+                } else {
+                    return false;
+                }
+                return true;
+            });
+            snapshot.replay.reset();
+        }
+        save_safetensors(partial / kAgentFile, snapshot.agent);
+        save_safetensors(partial / kGamesFile, snapshot.games);
+        write_file_atomically(partial / kStateFile, to_json(snapshot.state));
+        for (const auto& entry : fs::directory_iterator(partial)) {
+            const auto name = entry.path().filename().string();
+            if (!manifest.contains(name)) manifest[name] = record_of(entry.path());
+        }
+        write_manifest(partial, manifest);
+        publish(partial, folder);
+        return {folder, std::move(manifest)};
     } catch (...) {
         std::error_code ignored;
         fs::remove_all(partial, ignored);
         throw;
     }
+}
+
+void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, std::int64_t keep) {
     const auto all = list_checkpoints(run_dir);
-    for (std::size_t i = 0; i + static_cast<std::size_t>(keep) < all.size(); ++i) fs::remove_all(all[i]);
-    return folder;
+    const auto end = std::find(all.begin(), all.end(), newest) - all.begin() + 1;
+    for (std::ptrdiff_t i = 0; i < std::ssize(all); ++i)
+        if (i + keep < end || i >= end) delete_checkpoint(all[static_cast<std::size_t>(i)]);
+    std::vector<fs::path> unfinished;
+    for (const auto& entry : fs::directory_iterator(run_dir / "checkpoints"))
+        if (entry.path().extension() == kPartial) unfinished.push_back(entry.path());
+    for (const auto& folder : unfinished) fs::remove_all(folder);
 }
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
@@ -93,7 +178,7 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
     if (!fs::is_directory(folder)) return found;
     for (const auto& entry : fs::directory_iterator(folder)) {
         const std::string name = entry.path().filename().string();
-        if (name.starts_with("step_") && !name.ends_with(".partial")) found.push_back(entry.path());
+        if (name.starts_with("step_") && !name.ends_with(kPartial)) found.push_back(entry.path());
     }
     // By length first: a run of more than 999,999,999 steps has longer names.
     std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
@@ -102,7 +187,8 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
     return found;
 }
 
-Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool load_replay) {
+Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool with_replay,
+                                  const std::function<void(const TensorMap&)>& restore_games) {
     const auto all = list_checkpoints(run_dir);
     if (all.empty()) {
         throw ResumeError(
@@ -110,19 +196,23 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool lo
                         "--resume out",
                         run_dir.string()));
     }
-    std::vector<std::string> passed_over;
+    Checkpoint checkpoint;
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
+        const auto pass_over = [&](const char* why) {
+            checkpoint.passed_over.push_back(
+                fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), why));
+        };
         try {
-            auto checkpoint = load_checkpoint(*folder, agent, load_replay);
-            checkpoint.passed_over = std::move(passed_over);
+            checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);
             return checkpoint;
+        } catch (const c10::Error& error) {
+            pass_over(error.what_without_backtrace());  // what() is many lines
         } catch (const std::exception& error) {
-            passed_over.push_back(
-                fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), error.what()));
+            pass_over(error.what());
         }
     }
     throw ResumeError(fmt::format("no checkpoint of {} can be read; of the newest: {}", run_dir.string(),
-                                  passed_over.front()));
+                                  checkpoint.passed_over.front()));
 }
 
 }  // namespace cale

@@ -3,20 +3,25 @@
 //     <run>/checkpoints/step_000250000/
 //         agent.safetensors   networks, optimisers, random generators, counters, a rollout under way
 //         games.safetensors   the games under way
-//         replay.zst          the replay's contents (train.save_replay)
+//         replay.zst, frames-*.zst, transitions-*.zst   the replay (train.save_replay); see replay_snapshot.h
 //         state.json          where the run stood
+//         manifest.json       size and checksum of each of these
 //
 // A folder appears under its name only when it is complete and on the disk.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "agents/agent.h"
+#include "experiment/manifest.h"
+#include "replay/replay_snapshot.h"
 
 namespace cale {
 
@@ -25,16 +30,32 @@ struct RunState {
     std::int64_t step = 0;   // agent steps, over all environments
     std::int64_t frame = 0;  // emulated frames, over all environments
     std::int64_t episodes = 0;
-    double seconds = 0;                     // spent training, over all sittings
-    std::vector<double> recent_returns;     // of the last 100 episodes, oldest first
-    std::int64_t episodes_offset = 0;       // bytes of episodes.csv that belong to the run so far
-    std::int64_t progress_rows = 0;         // reports in progress.csv
-    std::map<std::string, double> metrics;  // of the agent's newest update
+    double seconds = 0;                       // spent training, over all sittings
+    std::vector<double> recent_returns{};     // of the last 100 episodes, oldest first
+    std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far
+    std::int64_t progress_rows = 0;           // reports in progress.csv
+    bool evaluation_due = false;              // one was cut off: it is played when the run goes on
+    std::map<std::string, double> metrics{};  // of the agent's newest update
 };
 
+/// A run at one moment, in memory of its own but for the replay, which see.
+struct RunSnapshot {
+    RunState state;
+    TensorMap agent;
+    TensorMap games;                         // GamesUnderWay::state()
+    std::optional<ReplaySnapshot> replay{};  // none: without train.save_replay, or no replay
+};
+
+/// A checkpoint that has been written, or found good.
+struct StoredCheckpoint {
+    std::filesystem::path folder;
+    Manifest manifest;
+};
+
+/// A checkpoint that has been read.
 struct Checkpoint {
     RunState state;
-    TensorMap games{};                       // GamesUnderWay::state()
+    StoredCheckpoint stored;
     std::vector<std::string> passed_over{};  // a sentence for each newer checkpoint that cannot be read
 };
 
@@ -43,17 +64,27 @@ struct ResumeError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/// Writes a checkpoint and deletes all but the newest `keep`. Returns its folder.
-/// Throws std::runtime_error, naming the file, where the disk refuses; the checkpoints
-/// before are untouched then.
-std::filesystem::path save_checkpoint(const std::filesystem::path& run_dir, Agent& agent,
-                                      const TensorMap& games, const RunState& state, bool save_replay,
-                                      std::int64_t keep);
+/// Writes a checkpoint. Full chunks of the replay are not written again: those that `before_last` has are
+/// linked, others that `last` has are copied, each after its checksum was found good. So two checkpoints in a
+/// row share no file, and one damaged file costs one checkpoint.
+/// Throws std::runtime_error, naming the file, where the disk refuses; all other checkpoints are untouched
+/// then.
+StoredCheckpoint write_checkpoint(const std::filesystem::path& run_dir, RunSnapshot snapshot,
+                                  const StoredCheckpoint* last, const StoredCheckpoint* before_last);
+
+/// Deletes all but the newest `keep` checkpoints up to `newest`, those after it (a damaged one's run has come
+/// to another end), and what killed runs left unfinished.
+void delete_other_checkpoints(const std::filesystem::path& run_dir, const std::filesystem::path& newest,
+                              std::int64_t keep);
 
 /// The complete checkpoints of a run, oldest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_dir);
 
-/// Brings the agent to the newest checkpoint of the run that can be read. Throws ResumeError where none can.
-Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent, bool load_replay);
+/// Brings the agent, its replay (if `with_replay`) and the games to the newest checkpoint of the run that can
+/// be read. Every file is compared with the manifest before any is used. `restore_games` takes what
+/// GamesUnderWay::state() gave, and throws where it cannot. Throws ResumeError where no checkpoint can be
+/// read.
+Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent, bool with_replay,
+                                  const std::function<void(const TensorMap&)>& restore_games);
 
 }  // namespace cale

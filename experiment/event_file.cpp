@@ -6,21 +6,11 @@
 #include <array>
 #include <chrono>
 
+#include "experiment/checksum.h"
 #include "tensorboard_event.pb.h"
 
 namespace cale {
 namespace {
-
-constexpr std::array<std::uint32_t, 256> make_crc_table() {
-    std::array<std::uint32_t, 256> table{};
-    for (std::uint32_t byte = 0; byte < 256; ++byte) {
-        std::uint32_t value = byte;
-        for (int bit = 0; bit < 8; ++bit) value = (value >> 1) ^ ((value & 1) != 0 ? 0x82F63B78u : 0u);
-        table[byte] = value;
-    }
-    return table;
-}
-constexpr auto kCrcTable = make_crc_table();
 
 template <class Integer>
 void append_little_endian(std::string& out, Integer value) {
@@ -67,12 +57,6 @@ std::string escaped(std::string_view text) {
 }
 
 }  // namespace
-
-std::uint32_t crc32c(std::string_view bytes) {
-    std::uint32_t crc = ~0u;
-    for (const char c : bytes) crc = kCrcTable[(crc ^ static_cast<unsigned char>(c)) & 0xFF] ^ (crc >> 8);
-    return ~crc;
-}
 
 std::string tf_record(std::string_view bytes) {
     std::string record;

@@ -15,9 +15,6 @@
 
 namespace cale {
 
-/// CRC-32C (Castagnoli), as in iSCSI and TFRecord files.
-std::uint32_t crc32c(std::string_view bytes);
-
 /// One TFRecord: length, its masked checksum, the bytes, their masked checksum.
 std::string tf_record(std::string_view bytes);
 

@@ -12,6 +12,7 @@
 #include <set>
 #include <thread>
 
+#include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <torch/torch.h>
@@ -22,6 +23,7 @@
 #include "experiment/checkpoint.h"
 #include "experiment/command_line.h"
 #include "experiment/files.h"
+#include "experiment/run_lock.h"
 #include "experiment/threads.h"
 #include "experiment/training.h"
 #include "experiment/versions.h"
@@ -47,29 +49,76 @@ const std::set<std::string, std::less<>> kMayDifferOnResume = {"train.total_step
                                                                "env.rom_dir",
                                                                "env.env_threads"};
 
-torch::Device choose_device(const std::string& wish) {
+/// The other processes that this one was started with, once they are all there.
+ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Program& program,
+                            torch::Device device) {
+    if (!place) return {};
+    try {
+        ProcessGroup processes(*place, device);
+        processes.require_same(program.table.to_yaml(),
+                               fmt::format("process {} of {}: the processes of this run were started with "
+                                           "different settings; give all of them the same command line",
+                                           place->rank, place->size));
+        return processes;
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+/// Where WORLD_SIZE and its companions put this process; none: it is alone.
+std::optional<ProcessPlace> find_place(const Program& program) {
+    std::optional<ProcessPlace> place;
+    try {
+        place = place_from_environment();
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+    if (!place) return place;
+    if (!program.several_processes) {
+        throw ConfigError(
+            fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo "
+                        "trains in several, so start {} without torchrun and with WORLD_SIZE unset",
+                        place->size, program.agent_name, program.name));
+    }
+    if (program.env.num_envs % place->size != 0) {
+        throw ConfigError(
+            fmt::format("env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; "
+                        "make it a multiple",
+                        program.env.num_envs, place->size));
+    }
+    return place;
+}
+
+/// Several processes on a machine take a CUDA device each.
+torch::Device choose_device(const std::string& wish, const std::optional<ProcessPlace>& place) {
     const bool cuda = torch::cuda::is_available();
-    if (wish == "auto") return cuda ? torch::kCUDA : torch::kCPU;
-    const torch::Device device(wish);
-    if (device.is_cuda() && !cuda) {
+    torch::Device device(wish != "auto" ? wish : cuda ? "cuda" : "cpu");
+    if (!device.is_cuda()) return device;
+    if (!cuda) {
         throw ConfigError(
             fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
                         "--cuda on a machine "
                         "with an NVIDIA GPU",
                         wish));
     }
+    if (place && !device.has_index()) device.set_index(static_cast<c10::DeviceIndex>(place->local_rank));
+    if (device.index() >= static_cast<int>(torch::cuda::device_count())) {
+        throw ConfigError(fmt::format("--device {}: {} is not there; this machine has {}, counted from 0",
+                                      wish, device.str(), torch::cuda::device_count()));
+    }
     return device;
 }
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads
 /// round differently.
-int choose_threads(const std::string& wish, const Program& program, const std::optional<fs::path>& resumed) {
+int choose_threads(const std::string& wish, const Program& program, const std::optional<fs::path>& resumed,
+                   int processes_here) {
     if (wish != "auto") return std::stoi(wish);
     if (resumed) {
         const auto metadata = nlohmann::json::parse(read_file(*resumed / "metadata.json"), nullptr, false);
         if (metadata.is_object() && metadata.value("threads", 0) > 0) return metadata["threads"].get<int>();
     }
-    const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
     const auto env_threads = static_cast<int>(VectorEnv::threads(program.env));
     // Environments that step while the agent learns keep their cores.
     return measured_threads(program.train.overlap ? std::max(1, cores - env_threads) : cores);
@@ -115,28 +164,39 @@ void create_run_dir(const fs::path& run_dir) {
     fs::create_directories(run_dir);
 }
 
-void refuse_other_configuration(const Program& program, const fs::path& run_dir) {
+/// What differs from the run's config.yaml, as a list for a sentence. Throws ResumeError unless all of it may
+/// differ, or was accepted and does not make another game of the games under way.
+std::string accepted_changes(const Program& program, const fs::path& run_dir, bool accept) {
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
         throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
                                       file.string(), run_dir.string()));
     }
-    std::string different;
+    std::string different, of_the_games;
     for (const auto& [key, now, before] : program.table.differences(file)) {
         if (kMayDifferOnResume.contains(key)) continue;
-        different +=
-            fmt::format("{}{} was {} and is now {}", different.empty() ? "" : ", ", key, before, now);
+        const auto change = fmt::format("{} was {} and is now {}", key, before, now);
+        different += (different.empty() ? "" : ", ") + change;
+        if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
     }
-    if (!different.empty()) {
+    if (!different.empty() && !accept) {
         throw ResumeError(
             fmt::format("--resume {}: another configuration: {}; resume with the run's own (leave "
-                        "--config and --set out), or start a new run",
+                        "--config and --set out), say --accept-changes, or start a new run",
                         run_dir.string(), different));
     }
+    if (!of_the_games.empty()) {
+        throw ResumeError(
+            fmt::format("--resume {} --accept-changes: games under way cannot go on in another "
+                        "environment: {}; start a new run",
+                        run_dir.string(), of_the_games));
+    }
+    return different;
 }
 
 void write_metadata(const fs::path& run_dir, const Program& program, const Game& game, const fs::path& rom,
-                    const torch::Device& device, int threads, int argc, const char* const* argv) {
+                    const torch::Device& device, int threads, int processes, int argc,
+                    const char* const* argv) {
     std::string command;
     for (int i = 0; i < argc; ++i) command += fmt::format("{}{}", i > 0 ? " " : "", argv[i]);
     const nlohmann::json metadata = {{"program", program.name},
@@ -148,11 +208,31 @@ void write_metadata(const fs::path& run_dir, const Program& program, const Game&
                                      {"host", host_name()},
                                      {"device", device.str()},
                                      {"threads", threads},
+                                     {"processes", processes},
                                      {"env_id", fmt::format("ALE/{}-v5", game.name)},
                                      {"exp_name", program.agent_name},
                                      {"seed", program.train.seed},
                                      {"rom", rom.string()}};
     write_file_atomically(run_dir / "metadata.json", metadata.dump(2) + "\n");
+}
+
+/// metadata.json remembers what was changed in mid-run, and when.
+void add_to_metadata(const fs::path& run_dir, const std::string& changes) {
+    const auto file = run_dir / "metadata.json";
+    auto metadata = nlohmann::json::parse(read_file(file), nullptr, false);
+    if (!metadata.is_object()) metadata = nlohmann::json::object();
+    metadata["accepted_changes"].push_back(fmt::format("{}: {}", utc_now(), changes));
+    write_file_atomically(file, metadata.dump(2) + "\n");
+}
+
+/// 0: the continuous joystick. Makes an environment once, so that what is wrong with it, or with the ROM, is
+/// said before anything is written.
+std::int64_t count_actions(const EnvConfig& config) {
+    try {
+        return static_cast<std::int64_t>(Env(config, /*seed=*/0).actions().size());
+    } catch (const std::exception& error) {
+        throw ConfigError(error.what());
+    }
 }
 
 std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec) {
@@ -175,7 +255,10 @@ int run(const Program& program, int argc, const char* const* argv) {
     } catch (const std::exception& error) {
         throw ConfigError(fmt::format("env.game: {}", error.what()));
     }
-    const torch::Device device = choose_device(line.device);
+    const auto place = find_place(program);
+    const torch::Device device = choose_device(line.device, place);
+    // What LibTorch makes without being told a device, such as pinned memory, belongs to the current one.
+    if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
     // Adam's averages of weights without gradients decay into subnormal numbers, which cost a
     // CPU a hundred times more: an update would slow down two- to fourfold within an hour. Set
     // before LibTorch starts its threads, which inherit it. XLA, under the reference, does the same.
@@ -184,16 +267,19 @@ int run(const Program& program, int argc, const char* const* argv) {
     mallopt(M_MMAP_THRESHOLD, 1 << 30);
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
+    const ProcessGroup processes = join_processes(place, program, device);
     const fs::path run_dir = choose_run_dir(line, program, *game);
-    if (line.resume) refuse_other_configuration(program, run_dir);
+    const std::string changes =
+        line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
     const int threads =
-        choose_threads(line.threads, program, line.resume ? std::optional(run_dir) : std::nullopt);
+        choose_threads(line.threads, program, line.resume ? std::optional(run_dir) : std::nullopt,
+                       place ? place->local_size : 1);
     at::set_num_threads(threads);
 
     AgentSpec spec;
-    spec.num_envs = program.env.num_envs;
-    if (program.env.action_space != ActionSpace::continuous)
-        spec.num_actions = static_cast<std::int64_t>(Env(program.env, /*seed=*/0).actions().size());
+    spec.num_envs = program.env.num_envs / processes.size();
+    spec.processes = processes;
+    spec.num_actions = count_actions(program.env);
     spec.total_steps = program.train.total_steps;
     spec.seed = static_cast<std::uint64_t>(program.train.seed);
     spec.device = device;
@@ -204,14 +290,26 @@ int run(const Program& program, int argc, const char* const* argv) {
                         "environments cannot step while it learns; set train.overlap to false",
                         program.agent_name));
     }
-    if (!line.resume) create_run_dir(run_dir);
-
-    write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
-    if (!line.resume) write_metadata(run_dir, program, *game, rom, device, threads, argc, argv);
+    std::optional<RunLock> lock;
+    if (processes.first()) {
+        if (!line.resume) create_run_dir(run_dir);
+        lock.emplace(run_dir);
+        if (!line.resume) {
+            write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+            write_metadata(run_dir, program, *game, rom, device, threads, processes.size(), argc, argv);
+        }
+    }
 
     TrainOptions options;
     options.run_dir = run_dir;
+    options.processes = processes;
     options.resume = line.resume;
+    options.resumed = [&] {
+        write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+        if (changes.empty()) return;
+        add_to_metadata(run_dir, changes);
+        std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
+    };
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
     options.header = {
@@ -223,7 +321,8 @@ int run(const Program& program, int argc, const char* const* argv) {
         {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
                                     grouped(program.train.total_steps * program.env.frame_skip))},
         {"environments", fmt::format("{}", program.env.num_envs)},
-        {"device", fmt::format("{}, {} thread{}", device.str(), threads, threads == 1 ? "" : "s")},
+        {"device", fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                               processes.alone() ? "" : fmt::format(", {} processes", processes.size()))},
         {"seed", fmt::format("{}", program.train.seed)},
         {"run folder", run_dir.string()}};
     for (const auto& entry : program.table.entries())

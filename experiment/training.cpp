@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <csignal>
-#include <cstring>
 #include <future>
 #include <optional>
 
@@ -14,12 +12,16 @@
 #include "agents/time_split.h"
 #include "cale/games.h"
 #include "experiment/checkpoint.h"
+#include "experiment/checkpoint_writer.h"
 #include "experiment/console.h"
 #include "experiment/evaluation.h"
 #include "experiment/event_file.h"
 #include "experiment/games_under_way.h"
 #include "experiment/log.h"
+#include "experiment/meeting.h"
 #include "experiment/seeds.h"
+#include "experiment/stop_signals.h"
+#include "replay/replay_buffer.h"
 #include "report/learning_curve.h"
 
 namespace cale {
@@ -29,30 +31,8 @@ namespace {
 
 constexpr std::size_t kRecentEpisodes = 100;
 
-volatile std::sig_atomic_t stop_requested = 0;
-
-/// While it lives, the first SIGINT or SIGTERM sets stop_requested; the next one kills.
-class StopSignals {
-  public:
-    StopSignals() {
-        stop_requested = 0;
-        struct sigaction action = {};
-        action.sa_handler = [](int) { stop_requested = 1; };
-        action.sa_flags = static_cast<int>(SA_RESETHAND);
-        sigaction(SIGINT, &action, &before_interrupt_);
-        sigaction(SIGTERM, &action, &before_terminate_);
-    }
-    ~StopSignals() {
-        sigaction(SIGINT, &before_interrupt_, nullptr);
-        sigaction(SIGTERM, &before_terminate_, nullptr);
-    }
-    StopSignals(const StopSignals&) = delete;
-    StopSignals& operator=(const StopSignals&) = delete;
-
-  private:
-    struct sigaction before_interrupt_ = {};
-    struct sigaction before_terminate_ = {};
-};
+/// Thrown out of an evaluation that a signal cuts off.
+struct Interrupted {};
 
 /// A clock that goes on where the last sitting stopped.
 class Stopwatch {
@@ -84,11 +64,6 @@ std::optional<double> mean(const std::vector<double>& values) {
     return sum / static_cast<double>(values.size());
 }
 
-/// Whether a multiple of `every` lies in (before, now].
-bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
-    return every > 0 && before / every != now / every;
-}
-
 void check_finite(const std::map<std::string, double>& metrics, const RunState& state,
                   const fs::path& run_dir) {
     for (const auto& [name, value] : metrics) {
@@ -111,21 +86,23 @@ class Run {
           eval_(eval),
           log_(log),
           options_(options),
+          rhythm_{config.total_steps, {log.every, eval.every, config.checkpoint_every}},
           env_id_(fmt::format("ALE/{}-v5", find_game(env.game).name)),
-          resumed_(options.resume
-                       ? std::optional(load_newest_checkpoint(options.run_dir, agent, config.save_replay))
-                       : std::nullopt),
+          console_(stderr, options.progress_bar),
+          games_(env, static_cast<std::uint64_t>(config.seed), options.processes),
+          resumed_(begin()),
           state_(resumed_ ? resumed_->state : RunState{}),
           stopwatch_(state_.seconds),
           speed_{state_.step, state_.seconds},
-          console_(stderr, options.progress_bar),
           episodes_(options.run_dir / "episodes.csv",
                     {.env_id = env_id_,
                      .agent = options.agent_name,
                      .seed = static_cast<std::uint64_t>(config.seed)},
                     resumed_ ? std::optional(state_.episodes_offset) : std::nullopt),
           progress_(options.run_dir / "progress.csv",
-                    resumed_ ? std::optional(state_.progress_rows) : std::nullopt) {
+                    resumed_ ? std::optional(state_.progress_rows) : std::nullopt),
+          checkpoints_(options.run_dir, config.keep_checkpoints,
+                       resumed_ ? std::optional(resumed_->stored) : std::nullopt) {
         if (log.tensorboard) {
             events_.emplace(options.run_dir, resumed_ ? std::optional(state_.step) : std::nullopt);
             events_->write_hyperparameters(options.hyperparameters);
@@ -134,81 +111,85 @@ class Run {
 
     Outcome train() {
         const StopSignals signals;
-        console_.header(fmt::format("{} on {}", options_.agent_name, env_id_), options_.header);
-        GamesUnderWay games(env_config_, static_cast<std::uint64_t>(config_.seed));
         if (resumed_) {
             for (const auto& sentence : resumed_->passed_over) console_.message(sentence);
-            try {
-                games.restore(resumed_->games);
-            } catch (const std::runtime_error& error) {
-                throw ResumeError(
-                    fmt::format("the games of the checkpoint at agent step {} in {}: {}; delete that "
-                                "folder to resume from the one before",
-                                state_.step, (options_.run_dir / "checkpoints").string(), error.what()));
-            }
-            resumed_->games.clear();
             console_.message(fmt::format("Resumed at agent step {}.", state_.step));
+            if (options_.resumed) options_.resumed();
         }
+        if (state_.evaluation_due) state_.evaluation_due = !run_evaluation();
         std::vector<Episode> ended;
-        while (state_.step < config_.total_steps && !stop_requested) {
+        bool stop = agreed_to_stop(options_.processes, /*meeting=*/true);
+        while (state_.step < config_.total_steps && !stop) {
             const std::int64_t before = state_.step;
             if (config_.overlap) {
-                step_while_learning(games, ended);
+                step_while_learning(ended);
             } else {
-                step_strictly(games, ended);
+                step_strictly(ended);
             }
             const Timed timed(time_.log);
+            const bool meeting = rhythm_.meets(before, state_.step);
+            if (meeting) games_.meet(state_, ended);
             for (const auto& episode : ended) record(episode);
             ended.clear();
             if (passed(before, state_.step, log_.every)) report();
             if (console_.due()) console_.draw(progress());
             // In this order: a run that is killed in an evaluation repeats it.
             if (passed(before, state_.step, eval_.every) && state_.step < config_.total_steps)
-                run_evaluation();
-            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint(games);
+                state_.evaluation_due = !run_evaluation();
+            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint();
+            checkpoints_.check();
+            stop = agreed_to_stop(options_.processes, meeting);
         }
-        checkpoint(games);
+        if (written_step_ != state_.step) checkpoint();
         draw_curve();
-        if (state_.step < config_.total_steps) {
+        checkpoints_.finish();
+        if (state_.step < config_.total_steps || !run_evaluation()) {
             console_.message(fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}",
                                          state_.step, options_.run_dir.string()));
             return Outcome::interrupted;
         }
-        run_evaluation();
         console_.finish(progress(), fmt::format("Results: {}", options_.run_dir.string()));
         return Outcome::finished;
     }
 
   private:
+    /// Says what is trained, and brings agent and games to where the run stood.
+    std::optional<Checkpoint> begin() {
+        console_.header(fmt::format("{} on {}", options_.agent_name, env_id_), options_.header);
+        if (!options_.resume) return std::nullopt;
+        return load_newest_checkpoint(options_.run_dir, agent_, config_.save_replay,
+                                      [this](const TensorMap& games) { games_.restore(games); });
+    }
+
     /// The paper's order: learn, decide, act, remember.
-    void step_strictly(GamesUnderWay& games, std::vector<Episode>& ended) {
-        learn(games);
-        const auto actions = decide(games);
+    void step_strictly(std::vector<Episode>& ended) {
+        learn();
+        const auto actions = decide();
         {
             const Timed timed(time_.environment);
-            games.step(actions);
+            games_.step(actions);
         }
-        take_in(games, actions, ended);
+        take_in(actions, ended);
     }
 
     /// The environments step on another thread while the agent learns, so that it acts with the
     /// parameters from before its newest update. Of the environments' time only the wait counts.
-    void step_while_learning(GamesUnderWay& games, std::vector<Episode>& ended) {
-        const auto actions = decide(games);
-        auto stepping = std::async(std::launch::async, [&] { games.step(actions); });
-        learn(games);
+    void step_while_learning(std::vector<Episode>& ended) {
+        const auto actions = decide();
+        auto stepping = std::async(std::launch::async, [&] { games_.step(actions); });
+        learn();
         {
             const Timed timed(time_.environment);
             stepping.get();
         }
-        take_in(games, actions, ended);
+        take_in(actions, ended);
     }
 
-    void learn(GamesUnderWay& games) {
+    void learn() {
         const auto before = agent_.memory_time();
         {
             const Timed timed(time_.update);
-            agent_.update(games.observations());
+            agent_.update(games_.observations());
         }
         // What an update spends on its batches is the replay's.
         const auto after = agent_.memory_time();
@@ -217,13 +198,13 @@ class Run {
             time_.update -= after.*part - before.*part;
         }
     }
-    torch::Tensor decide(GamesUnderWay& games) {
+    torch::Tensor decide() {
         const Timed timed(time_.act);
-        return agent_.act(games.observations(), ActMode::train);
+        return agent_.act(games_.observations(), ActMode::train);
     }
-    void take_in(GamesUnderWay& games, const torch::Tensor& actions, std::vector<Episode>& ended) {
+    void take_in(const torch::Tensor& actions, std::vector<Episode>& ended) {
         const Timed timed(time_.replay);
-        games.take_in(actions, agent_, state_, ended);
+        games_.take_in(actions, agent_, state_, ended);
     }
 
     void record(const Episode& episode) {
@@ -283,25 +264,37 @@ class Run {
         return metrics;
     }
 
-    void checkpoint(const GamesUnderWay& games) {
+    void checkpoint() {
+        checkpoints_.finish();
         state_.metrics = newest_metrics();
         episodes_.sync();
         progress_.sync();
         state_.seconds = stopwatch_.seconds();
         state_.episodes_offset = episodes_.offset();
         state_.progress_rows = progress_.rows();
-        save_checkpoint(options_.run_dir, agent_, games.state(), state_, config_.save_replay,
-                        config_.keep_checkpoints);
+        RunSnapshot snapshot{.state = state_, .agent = agent_.state(), .games = games_.state()};
+        if (config_.save_replay && agent_.replay() != nullptr)
+            snapshot.replay.emplace(agent_.replay()->snapshot());
+        checkpoints_.start(std::move(snapshot));
+        written_step_ = state_.step;
     }
 
-    void run_evaluation() {
-        if (eval_.episodes == 0) return;
+    /// Returns false where a signal has cut it off; the agent is then as it was before.
+    bool run_evaluation() {
+        if (eval_.episodes == 0) return true;
         const std::string name = fmt::format("step_{:09}", state_.step);
         const fs::path video = eval_.video ? options_.run_dir / "videos" / (name + ".mp4") : fs::path();
         if (eval_.video) fs::create_directories(video.parent_path());
         const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
-        const auto seed = derive_seed(static_cast<std::uint64_t>(config_.seed), "evaluation at", state_.step);
-        const Evaluation result = evaluate(agent_, env_config_, eval_, seed, GamesUnderWay::kStack, video);
+        const auto agent_before = options_.processes.alone() ? agent_.state() : TensorMap();
+        Evaluation result;
+        try {
+            result = evaluate(video);
+        } catch (const Interrupted&) {
+            state_.metrics = newest_metrics();
+            agent_.load_state(agent_before);
+            return false;
+        }
         write_evaluation(csv, result);
         if (events_) events_->write(state_.step, {{"eval/episodic_return", result.mean_return}});
         console_.message(
@@ -309,6 +302,23 @@ class Run {
                         "{} games; {}{}",
                         state_.step, result.mean_return, result.standard_deviation, result.games.size(),
                         csv.string(), eval_.video ? ", " + video.string() : ""));
+        return true;
+    }
+
+    Evaluation evaluate(const fs::path& video) {
+        // Other processes, which wait for the end of this, would not know that it was cut off.
+        const auto decide = [this](const torch::Tensor& observations, std::span<const std::int64_t>) {
+            if (options_.processes.alone() && stop_requested()) throw Interrupted{};
+            return Chosen{.actions = agent_.act(observations, ActMode::evaluate)};
+        };
+        auto env = env_config_;
+        env.noop_max = eval_.noop_max;
+        return cale::evaluate(decide, {.env = std::move(env),
+                                       .games = eval_.episodes,
+                                       .seed = derive_seed(static_cast<std::uint64_t>(config_.seed),
+                                                           "evaluation at", state_.step),
+                                       .stack_depth = GamesUnderWay::kStack,
+                                       .video = video});
     }
 
     void draw_curve() {
@@ -331,23 +341,28 @@ class Run {
     const EvalConfig& eval_;
     const LogConfig& log_;
     const TrainOptions& options_;
+    Rhythm rhythm_;
     std::string env_id_;
+    Console console_;
+    GamesUnderWay games_;
     std::optional<Checkpoint> resumed_;
     RunState state_;
     Stopwatch stopwatch_;
     Speedometer speed_;
     TimeSplit time_;  // since the newest report
-    Console console_;
     EpisodeLog episodes_;
     ProgressLog progress_;
     std::optional<EventFile> events_;
     std::vector<std::pair<std::string, double>> shown_;
+    std::int64_t written_step_ = -1;  // of the newest checkpoint of this sitting
+    CheckpointWriter checkpoints_;
 };
 
 }  // namespace
 
 Outcome train(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
               const LogConfig& log, const TrainOptions& options) {
+    if (!options.processes.first()) return train_beside(agent, env, config, eval, log, options);
     return Run(agent, env, config, eval, log, options).train();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -16,8 +17,10 @@ namespace cale {
 struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
     bool resume = false;
+    std::function<void()> resumed = {};  // called once the run's state has been loaded
     bool progress_bar = true;
-    std::string agent_name;                                            // "sac", for episodes.csv
+    ProcessGroup processes{};  // that train together; the first one writes the files
+    std::string agent_name;    // "sac", for episodes.csv
     std::vector<std::pair<std::string, std::string>> header;           // what the console shows first
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };

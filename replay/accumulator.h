@@ -49,6 +49,7 @@ class Accumulator {
 
     /// The steps that later transitions may need, oldest first: to be saved and restored.
     std::vector<StoredStep>& steps() { return steps_; }
+    const std::vector<StoredStep>& steps() const { return steps_; }
     std::int64_t max_steps() const { return horizon_ + stack_; }
 
   private:

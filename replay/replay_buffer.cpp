@@ -2,74 +2,23 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <limits>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
-#include "cale/fields.h"
 #include "replay/accumulator.h"
 #include "replay/available_memory.h"
-#include "replay/replay_file.h"
+#include "replay/frame_mirror.h"
+#include "replay/replay_config.h"
+#include "replay/replay_snapshot.h"
 #include "replay/replay_storage.h"
 #include "replay/sum_tree.h"
 
 namespace cale {
 namespace {
-
-constexpr std::string_view kFileMagic = "CALE-RPL";
-constexpr std::uint32_t kFileVersion = 2;
-
-constexpr std::array<std::string_view, 2> kFalseTrue{"false", "true"};
-// What float32 can say; the sum of as many as there may be is far from overflowing.
-constexpr double kMaxPriority = std::numeric_limits<float>::max();
-
-// One number of the configuration, under the name its user knows.
-struct ConfigEntry {
-    const char* key;
-    double value;
-    Range range;
-    std::span<const std::string_view> names = {};  // of an enumeration's values
-
-    std::string text(double number) const {
-        const auto i = static_cast<std::size_t>(number);
-        if (number >= 0 && i < names.size()) return std::string(names[i]);
-        std::ostringstream out;
-        out.precision(15);
-        out << number;
-        return out.str();
-    }
-};
-
-std::array<ConfigEntry, 10> entries(const ReplayConfig& config) {
-    const auto number = [](auto value) { return static_cast<double>(value); };
-    return {{{"agent.replay_capacity", number(config.capacity), {1, 1e9}},
-             {"env.num_envs", number(config.num_envs), {1, 1024}},
-             {"stack", number(config.stack), {1, 64}},
-             {"frame_height", number(config.frame_height), {1, 4096}},
-             {"frame_width", number(config.frame_width), {1, 4096}},
-             {"action_size", number(config.action_size), {0, 1024}},
-             {"agent.update_horizon", number(config.update_horizon), {1, 10'000}},
-             {"agent.gamma", config.gamma, {0, 1}},
-             {"agent.replay_terminal",
-              number(static_cast<int>(config.replay_terminal)),
-              {0, 1},
-              names_of(config.replay_terminal)},
-             {"agent.prioritised", number(config.prioritised), {0, 1}, kFalseTrue}}};
-}
-
-void validate(const ReplayConfig& config) {
-    for (const ConfigEntry& entry : entries(config)) {
-        if (entry.value >= entry.range.low && entry.value <= entry.range.high) continue;
-        throw std::invalid_argument(std::string(entry.key) + " is " + entry.text(entry.value) +
-                                    "; it must lie in [" + entry.text(entry.range.low) + ", " +
-                                    entry.text(entry.range.high) + "]");
-    }
-}
 
 void check_size(const char* what, std::size_t size, std::int64_t expected) {
     if (static_cast<std::int64_t>(size) != expected)
@@ -77,12 +26,13 @@ void check_size(const char* what, std::size_t size, std::int64_t expected) {
                                     " elements; this replay stores " + std::to_string(expected));
 }
 
-void check_tensor(const char* name, const torch::Tensor& tensor, at::IntArrayRef shape, at::ScalarType type) {
-    if (tensor.defined() && tensor.device().is_cpu() && tensor.is_contiguous() &&
+void check_tensor(const char* name, const torch::Tensor& tensor, at::IntArrayRef shape, at::ScalarType type,
+                  torch::Device device = torch::kCPU) {
+    if (tensor.defined() && tensor.device() == device && tensor.is_contiguous() &&
         tensor.scalar_type() == type && tensor.sizes() == shape)
         return;
     std::ostringstream message;
-    message << name << " must be a contiguous CPU tensor " << shape << " of " << type;
+    message << name << " must be a contiguous " << device << " tensor " << shape << " of " << type;
     if (tensor.defined())
         message << ", not " << tensor.sizes() << " of " << tensor.scalar_type() << " on " << tensor.device();
     throw std::invalid_argument(message.str());
@@ -92,25 +42,6 @@ std::int64_t rows_of(const torch::Tensor& index) {
     return index.defined() && index.dim() == 1 ? index.size(0) : 0;
 }
 
-struct Saving {
-    ReplayFileWriter& file;
-    template <class T>
-    void operator()(const T* values, std::int64_t count) const {
-        file.write(values, static_cast<std::size_t>(count) * sizeof(T));
-    }
-};
-
-struct Loading {
-    ReplayFileReader& file;
-    template <class T>
-    void operator()(T* values, std::int64_t count) const {
-        file.read(values, static_cast<std::size_t>(count) * sizeof(T));
-    }
-};
-
-static_assert(std::endian::native == std::endian::little, "replay files are little-endian");
-static_assert(sizeof(StoredStep) == 16 && std::is_trivially_copyable_v<StoredStep>);
-
 }  // namespace
 
 struct ReplayBuffer::Impl {
@@ -119,6 +50,7 @@ struct ReplayBuffer::Impl {
     std::vector<Accumulator> accumulators;  // one per environment
     std::optional<SumTree> priorities;      // if prioritised: of each slot, 0 where nothing lies
     double largest_priority = 1;            // that was ever given
+    std::unique_ptr<FrameMirror> mirror;    // or none
 
     explicit Impl(const ReplayConfig& replay_config)
         : config(replay_config),
@@ -132,8 +64,8 @@ struct ReplayBuffer::Impl {
         const std::array<std::int64_t, 4> stacks{size, config.stack, config.frame_height, config.frame_width};
         const std::array<std::int64_t, 2> coordinates{size, config.action_size};
         const at::IntArrayRef batch_shape(size);
-        check_tensor("batch.observation", batch.observation, stacks, at::kByte);
-        check_tensor("batch.next_observation", batch.next_observation, stacks, at::kByte);
+        check_tensor("batch.observation", batch.observation, stacks, at::kByte, pixels_device());
+        check_tensor("batch.next_observation", batch.next_observation, stacks, at::kByte, pixels_device());
         if (config.action_size == 0)
             check_tensor("batch.action", batch.action, batch_shape, at::kLong);
         else
@@ -156,9 +88,19 @@ struct ReplayBuffer::Impl {
         return priorities->total() > 0 ? priorities->get(slot) / priorities->total() : 0.0;
     }
 
-    // Row `row` of a batch of the right shapes: the transition at this position.
+    torch::Device pixels_device() const { return mirror ? mirror->device() : torch::kCPU; }
+
+    // Row `row` of a batch of the right shapes: the transition at this position. A mirror adds the pixels
+    // when all rows are there.
+    void copy_transition(std::int64_t position, Batch& batch, std::int64_t row) const {
+        if (mirror)
+            storage.copy_values(storage.transitions_begin + position, batch, row);
+        else
+            storage.copy(storage.transitions_begin + position, batch, row);
+    }
+
     void copy(std::int64_t position, Batch& batch, std::int64_t row) const {
-        storage.copy(storage.transitions_begin + position, batch, row);
+        copy_transition(position, batch, row);
         batch.probability.data_ptr<float>()[row] = static_cast<float>(probability(position));
     }
 
@@ -169,7 +111,7 @@ struct ReplayBuffer::Impl {
         for (std::int64_t row = 0; row < rows; ++row) {
             std::uint64_t bits = random();
             while (bits < rejected) bits = random();
-            storage.copy(storage.transitions_begin + static_cast<std::int64_t>(bits % size), batch, row);
+            copy_transition(static_cast<std::int64_t>(bits % size), batch, row);
         }
         // At once, as it is the same for all.
         std::fill_n(batch.probability.data_ptr<float>(), rows, static_cast<float>(probability(0)));
@@ -193,50 +135,26 @@ struct ReplayBuffer::Impl {
             priorities->set(added % config.capacity, largest_priority);
     }
 
-    // Everything that a file holds, in its order: `exchange` writes it or reads it.
-    template <class Exchange>
-    void contents(const Exchange& exchange) {
-        exchange(&storage.frames_end, 1);
-        exchange(&storage.transitions_begin, 1);
-        exchange(&storage.transitions_end, 1);
-        if (storage.frames_end < 0 || storage.transitions_begin < 0 ||
-            storage.transitions_end < storage.transitions_begin || storage.size() > config.capacity)
-            exchange.file.fail("its counters contradict each other");
+    ReplayState state() const {
+        ReplayState state{.frames_end = storage.frames_end,
+                          .transitions_begin = storage.transitions_begin,
+                          .transitions_end = storage.transitions_end};
+        for (const Accumulator& accumulator : accumulators) state.windows.push_back(accumulator.steps());
+        if (!priorities) return state;
+        const auto values = std::as_const(*priorities).values();
+        state.priorities.assign(values.begin(), values.end());
+        state.largest_priority = largest_priority;
+        return state;
+    }
 
-        for (Accumulator& accumulator : accumulators) {
-            std::vector<StoredStep>& steps = accumulator.steps();
-            auto count = static_cast<std::int64_t>(steps.size());
-            exchange(&count, 1);
-            if (count < 0 || count > accumulator.max_steps())
-                exchange.file.fail("it holds too long a window");
-            steps.resize(static_cast<std::size_t>(count));
-            exchange(steps.data(), count);
-        }
-        storage.for_each_run(exchange);
+    // Takes in the state that belongs to what the storage holds.
+    void restore(ReplayState&& state) {
+        for (std::size_t i = 0; i < accumulators.size(); ++i)
+            accumulators[i].steps() = std::move(state.windows[i]);
         if (!priorities) return;
-        exchange(&largest_priority, 1);
-        exchange(priorities->values().data(), config.capacity);
-    }
-
-    // Completes what contents() read, if every frame it speaks of is there.
-    void restore(const ReplayFileReader& file) {
-        for (Accumulator& accumulator : accumulators)
-            for (const StoredStep& step : accumulator.steps())
-                if (step.frame < 0 || step.frame >= storage.frames_end)
-                    file.fail("a window shows a frame that it lacks");
-        if (!storage.restore_users()) file.fail("a transition shows a frame that it lacks");
-        if (priorities && !restore_priorities()) file.fail("its priorities contradict each other");
-    }
-
-    bool restore_priorities() {
-        if (!(largest_priority >= 1 && largest_priority <= kMaxPriority)) return false;
-        for (std::int64_t slot = 0; slot < config.capacity; ++slot) {
-            const double priority = priorities->get(slot);
-            const double most = position_of(slot) < storage.size() ? largest_priority : 0;
-            if (!(priority >= 0 && priority <= most)) return false;
-        }
+        largest_priority = state.largest_priority;
+        std::ranges::copy(state.priorities, priorities->values().begin());
         priorities->restore_sums();
-        return true;
     }
 };
 
@@ -265,9 +183,10 @@ void check_memory(const ReplayConfig& config, std::int64_t available) {
     throw std::runtime_error(message.str());
 }
 
-ReplayBuffer::ReplayBuffer(const ReplayConfig& config) {
+ReplayBuffer::ReplayBuffer(const ReplayConfig& config, std::optional<torch::Device> mirror) {
     check_memory(config, available_memory());
     impl_ = std::make_unique<Impl>(config);
+    if (mirror) impl_->mirror = std::make_unique<FrameMirror>(config, *mirror);
 }
 ReplayBuffer::~ReplayBuffer() = default;
 ReplayBuffer::ReplayBuffer(ReplayBuffer&&) noexcept = default;
@@ -316,7 +235,7 @@ Batch ReplayBuffer::empty_batch(std::int64_t batch_size) const {
     const ReplayConfig& config = impl_->config;
     const auto stacks = [&] {
         return torch::empty({batch_size, config.stack, config.frame_height, config.frame_width},
-                            torch::kUInt8);
+                            torch::dtype(torch::kUInt8).device(impl_->pixels_device()));
     };
     return {.observation = stacks(),
             .action = config.action_size > 0 ? torch::empty({batch_size, config.action_size}, torch::kFloat32)
@@ -341,6 +260,7 @@ void ReplayBuffer::sample_into(Batch& batch, std::mt19937_64& random) const {
         impl_->sample_by_priority(batch, random);
     else
         impl_->sample_uniformly(batch, random);
+    if (impl_->mirror) impl_->mirror->gather(impl_->storage, batch);
 }
 
 Batch ReplayBuffer::gather(std::span<const std::int64_t> positions) const {
@@ -352,6 +272,7 @@ Batch ReplayBuffer::gather(std::span<const std::int64_t> positions) const {
                                     std::to_string(size()));
         impl_->copy(position, batch, row++);
     }
+    if (impl_->mirror) impl_->mirror->gather(impl_->storage, batch);
     return batch;
 }
 
@@ -382,28 +303,20 @@ void ReplayBuffer::set_priorities(const torch::Tensor& index, const torch::Tenso
     }
 }
 
-void ReplayBuffer::save(const std::string& path) const {
-    ReplayFileWriter file(path, kFileMagic, kFileVersion);
-    const Saving exchange{file};
-    for (const ConfigEntry& entry : entries(impl_->config)) exchange(&entry.value, 1);
-    impl_->contents(exchange);
-    file.commit();
+ReplaySnapshot ReplayBuffer::snapshot() {
+    return {impl_->config, impl_->storage, impl_->state()};
 }
 
-void ReplayBuffer::load(const std::string& path) {
-    ReplayFileReader file(path, kFileMagic, kFileVersion);
-    const Loading exchange{file};
-    for (const ConfigEntry& entry : entries(impl_->config)) {
-        double found = 0;
-        exchange(&found, 1);
-        if (found == entry.value) continue;
-        file.fail(std::string("it was written with ") + entry.key + " = " + entry.text(found) +
-                  ", this buffer has " + entry.text(entry.value));
-    }
+void ReplayBuffer::save(const std::filesystem::path& folder) {
+    snapshot().save(folder);
+}
+
+void ReplayBuffer::load(const std::filesystem::path& folder) {
+    if (impl_->storage.is_held()) throw std::logic_error("a replay is loaded while a snapshot of it is read");
     auto loaded = std::make_unique<Impl>(impl_->config);
-    loaded->contents(exchange);
-    file.finish();
-    loaded->restore(file);
+    loaded->restore(load_replay(folder, loaded->config, loaded->storage));
+    loaded->mirror = std::move(impl_->mirror);
+    if (loaded->mirror) loaded->mirror->forget();
     impl_ = std::move(loaded);
 }
 

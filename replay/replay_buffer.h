@@ -3,15 +3,18 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <random>
 #include <span>
-#include <string>
 #include <string_view>
 
 #include <torch/types.h>
 
 namespace cale {
+
+class ReplaySnapshot;
 
 /// What is stored at an episode's end.
 ///   corrected  every transition once, last reward included, full stacks; truncation bootstraps
@@ -19,28 +22,29 @@ namespace cale {
 enum class ReplayTerminal { corrected, dopamine };
 std::span<const std::string_view> names_of(ReplayTerminal);
 
+/// The defaults are those of 200 million frames.
 struct ReplayConfig {
     std::int64_t capacity = 1'000'000;  // transitions
-    std::int64_t num_envs = 1;
-    std::int64_t stack = 4;
-    std::int64_t frame_height = 84;
-    std::int64_t frame_width = 84;
-    std::int64_t action_size = 3;  // continuous coordinates; 0: one discrete action
-    std::int64_t update_horizon = 1;
-    double gamma = 0.99;
-    ReplayTerminal replay_terminal = ReplayTerminal::corrected;
+    std::int64_t num_envs = 1;          // that store here
+    std::int64_t stack = 4;             // frames of an observation
+    std::int64_t frame_height = 84;     // rows
+    std::int64_t frame_width = 84;      // columns
+    std::int64_t action_size = 3;       // continuous coordinates; 0: one discrete action
+    std::int64_t update_horizon = 1;    // n of the n-step return
+    double gamma = 0.99;                // discount per agent step
+    ReplayTerminal replay_terminal = ReplayTerminal::corrected;  // what is stored at an episode's end
     bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
 };
 
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
 /// the stack that ends with `frame`.
 struct Experience {
-    std::span<const std::uint8_t> frame = {};  // height x width
-    std::span<const float> action = {};        // action_size coordinates (continuous)
-    std::int64_t discrete_action = 0;          // (discrete)
-    float reward = 0;
-    bool terminal = false;
-    bool truncated = false;
+    std::span<const std::uint8_t> frame = {};        // height x width
+    std::span<const float> action = {};              // action_size coordinates (continuous)
+    std::int64_t discrete_action = 0;                // (discrete)
+    float reward = 0;                                // of the step
+    bool terminal = false;                           // nothing follows: no bootstrapping
+    bool truncated = false;                          // cut off: what would have followed counts
     std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
 };
 
@@ -64,17 +68,20 @@ std::int64_t memory_needed(const ReplayConfig& config);
 /// `available` bytes are fewer than memory_needed(config).
 void check_memory(const ReplayConfig& config, std::int64_t available);
 
-/// Not synchronised: calls that overlap are the caller's to prevent, but for const ones.
+/// Not synchronised: calls that overlap are the caller's to prevent, but for const ones without a mirror.
 class ReplayBuffer {
   public:
     /// Memory is taken as the buffer fills. Throws as memory_needed and, with what the
     /// machine has left (see available_memory), as check_memory do.
-    explicit ReplayBuffer(const ReplayConfig& config);
+    /// `mirror`: the device on which the frames are kept a second time, and observations put together (see
+    /// FrameMirror). Batches then have `observation` and `next_observation` there, and the rest on the CPU.
+    /// Throws std::runtime_error where that device lacks the memory.
+    explicit ReplayBuffer(const ReplayConfig& config, std::optional<torch::Device> mirror = std::nullopt);
     ~ReplayBuffer();
     ReplayBuffer(ReplayBuffer&&) noexcept;
     ReplayBuffer& operator=(ReplayBuffer&&) noexcept;
 
-    const ReplayConfig& config() const;
+    const ReplayConfig& config() const;  // as it was made with
 
     /// Takes the next step of environment `env` and stores the transitions it completes.
     /// Environments may be interleaved in any order. A transition whose frames were
@@ -101,8 +108,9 @@ class ReplayBuffer {
     Batch sample(std::int64_t batch_size, std::mt19937_64& random) const;
     /// The same into tensors that exist, such as those of empty_batch(), without
     /// allocating; they say how many. Throws std::invalid_argument unless they are
-    /// contiguous CPU tensors of Batch's shapes and types.
+    /// contiguous tensors of Batch's shapes and types, on the CPU but for a mirror's.
     void sample_into(Batch& batch, std::mt19937_64& random) const;
+    /// Tensors for sample_into().
     Batch empty_batch(std::int64_t batch_size) const;
     /// The transitions at these positions, 0 being the oldest; `probability` is that with
     /// which sample() would draw them. Throws std::out_of_range.
@@ -118,13 +126,16 @@ class ReplayBuffer {
     /// [0, largest float32]; std::out_of_range for an index outside [0, capacity).
     void set_priorities(const torch::Tensor& index, const torch::Tensor& priority);
 
-    /// Everything: the transitions, the counters, the unfinished windows and the priorities.
-    /// The file appears complete or not at all. Throws std::runtime_error naming the file.
-    void save(const std::string& path) const;
+    /// What is stored now, to be written by another thread while this one goes on; see ReplaySnapshot.
+    /// This buffer must outlive it. Throws std::logic_error while there is another.
+    ReplaySnapshot snapshot();
+    /// Writes everything: the transitions, the counters, the unfinished windows and the
+    /// priorities. Throws std::runtime_error naming the file.
+    void save(const std::filesystem::path& folder);
     /// Goes on exactly where save() was. Throws std::runtime_error, and leaves the buffer
-    /// as it was, for a file that is damaged, truncated, of another version, or of
-    /// another configuration. What the buffer held is in memory until the file proved good.
-    void load(const std::string& path);
+    /// as it was, for a file that is missing, damaged, truncated, of another version, or of
+    /// another configuration. What the buffer held is in memory until the files proved good.
+    void load(const std::filesystem::path& folder);
 
   private:
     struct Impl;

@@ -1,13 +1,12 @@
 #include "replay/replay_file.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <stdexcept>
 
 namespace cale {
@@ -19,14 +18,6 @@ constexpr std::size_t kMagicSize = 8;
 
 std::string last_error() {
     return std::strerror(errno);
-}
-
-// A rename survives a power failure only once its folder is on the disk as well.
-void sync_folder(const std::filesystem::path& folder) {
-    const int descriptor = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY);
-    if (descriptor < 0) return;
-    ::fsync(descriptor);
-    ::close(descriptor);
 }
 
 }  // namespace
@@ -67,7 +58,6 @@ void ReplayFileWriter::commit() {
     if (std::fflush(file_.get()) != 0 || ::fsync(::fileno(file_.get())) != 0) fail(last_error());
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(last_error());
     file_.reset();
-    sync_folder(std::filesystem::path(path_).parent_path());
 }
 
 void ReplayFileWriter::compress(const void* data, std::size_t size, bool last) {
@@ -110,6 +100,12 @@ ReplayFileReader::ReplayFileReader(const std::string& path, std::string_view mag
 
 void ReplayFileReader::read(void* data, std::size_t size) {
     if (decompress(data, size) != size) fail("it ends too early");
+}
+
+void ReplayFileReader::skip(std::size_t size) {
+    std::array<char, 4096> ignored{};
+    for (; size > 0; size -= std::min(size, ignored.size()))
+        read(ignored.data(), std::min(size, ignored.size()));
 }
 
 void ReplayFileReader::finish() {

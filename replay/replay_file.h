@@ -20,8 +20,9 @@ struct CloseFile {
 };
 using FileHandle = std::unique_ptr<std::FILE, CloseFile>;
 
-/// Writes `path` + ".tmp" and renames it in commit(); without commit() nothing is left.
-/// Every member throws std::runtime_error, naming the file, when writing fails.
+/// Writes `path` + ".tmp" and renames it in commit(), when its content is on the disk; its name is once the
+/// folder has been synced. Without commit() nothing is left. Every member throws std::runtime_error, naming
+/// the file, when writing fails.
 class ReplayFileWriter {
   public:
     /// `magic`: eight characters that say what the file is.
@@ -55,6 +56,7 @@ class ReplayFileReader {
     ReplayFileReader(const std::string& path, std::string_view magic, std::uint32_t version);
 
     void read(void* data, std::size_t size);
+    void skip(std::size_t size);
     /// Checks that everything has been read, and the checksum.
     void finish();
     [[noreturn]] void fail(const std::string& what) const;

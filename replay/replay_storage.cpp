@@ -41,6 +41,7 @@ std::span<const FrameId> ReplayStorage::frames_of(std::int64_t transition) const
 }
 
 FrameId ReplayStorage::push_frame(std::span<const std::uint8_t> pixels) {
+    held_frames.wait_for(frames_end - frames_capacity);
     const std::int64_t slot = frames_end % frames_capacity;
     transitions_begin = std::max(transitions_begin, users_end[slot]);
     std::memcpy(frames.data() + slot * frame_size, pixels.data(), pixels.size());
@@ -60,6 +61,7 @@ void ReplayStorage::push_transition(const Transition& transition) {
     if (std::ranges::any_of(transition.observation, overwritten) ||
         std::ranges::any_of(transition.next_observation, overwritten))
         return;
+    held_transitions.wait_for(transitions_end - capacity);
     if (size() == capacity) ++transitions_begin;
     const std::int64_t slot = transitions_end % capacity;
     const auto next = std::ranges::copy(transition.observation, frames_of(transitions_end).begin()).out;
@@ -88,14 +90,17 @@ bool ReplayStorage::restore_users() {
 }
 
 void ReplayStorage::copy(std::int64_t transition, Batch& batch, std::int64_t row) const {
-    const std::int64_t slot = transition % capacity;
     const auto shown = frames_of(transition);
     const auto depth = static_cast<std::size_t>(stack);
     const std::int64_t pixels = row * stack * frame_size;
     copy_stack(shown.first(depth), batch.observation.data_ptr<std::uint8_t>() + pixels);
     copy_stack(shown.last(depth), batch.next_observation.data_ptr<std::uint8_t>() + pixels);
+    copy_values(transition, batch, row);
+}
 
-    const std::int64_t step = shown[depth - 1] % frames_capacity;
+void ReplayStorage::copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const {
+    const std::int64_t slot = transition % capacity;
+    const std::int64_t step = frames_of(transition)[static_cast<std::size_t>(stack) - 1] % frames_capacity;
     if (action_size == 0)
         batch.action.data_ptr<std::int64_t>()[row] = discrete_actions[step];
     else

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "replay/accumulator.h"
@@ -16,6 +18,40 @@ namespace cale {
 std::int64_t frame_capacity(const ReplayConfig& config);
 std::int64_t bytes_per_frame(const ReplayConfig& config);
 std::int64_t bytes_per_transition(const ReplayConfig& config);
+
+/// Numbers that only grow, of which another thread still reads some: until it lets go of them, what lies in
+/// their slots must stay.
+class Hold {
+  public:
+    /// This number and all later ones are held.
+    void from(std::int64_t number) {
+        from_.store(number, std::memory_order_release);
+        from_.notify_all();
+    }
+    void release() { from(kNone); }
+    bool is_held() const { return from_.load(std::memory_order_relaxed) != kNone; }
+    /// Returns once the number is not held.
+    void wait_for(std::int64_t number) const {
+        for (auto held = from_.load(std::memory_order_acquire); number >= held;
+             held = from_.load(std::memory_order_acquire))
+            from_.wait(held, std::memory_order_acquire);
+    }
+
+  private:
+    static constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::max();
+    std::atomic<std::int64_t> from_{kNone};
+};
+
+/// Calls visit(slot, count) for the one or two runs of slots in which the numbers [begin, end) lie.
+template <class Visit>
+void for_each_run(std::int64_t begin, std::int64_t end, std::int64_t ring, const Visit& visit) {
+    while (begin < end) {
+        const std::int64_t slot = begin % ring;
+        const std::int64_t count = std::min(end - begin, ring - slot);
+        visit(slot, count);
+        begin += count;
+    }
+}
 
 /// Frames and transitions carry numbers that only grow; a number's slot is its remainder.
 /// The action of a step lies with the frame it was chosen on, which is the last one of
@@ -38,8 +74,11 @@ struct ReplayStorage {
     std::int64_t transitions_begin = 0;  // the oldest transition that is left
     std::int64_t transitions_end = 0;    // transitions ever stored
 
+    Hold held_frames, held_transitions;  // by a snapshot
+
     FrameId frames_begin() const { return std::max<FrameId>(frames_end - frames_capacity, 0); }
     std::int64_t size() const { return transitions_end - transitions_begin; }
+    bool is_held() const { return held_frames.is_held() || held_transitions.is_held(); }
     /// The frames of a transition: its observation's, then its next observation's.
     std::span<FrameId> frames_of(std::int64_t transition);
     std::span<const FrameId> frames_of(std::int64_t transition) const;
@@ -49,43 +88,38 @@ struct ReplayStorage {
     /// Does nothing if one of its frames has been overwritten.
     void push_transition(const Transition& transition);
 
-    /// Copies a transition to row `row` of a batch of the right shapes.
+    /// Copies a transition to row `row` of a batch of the right shapes: all of it, or what is not pixels.
     void copy(std::int64_t transition, Batch& batch, std::int64_t row) const;
+    void copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const;
 
     /// Recomputes users_end. False if a transition shows a frame that is not there.
     bool restore_users();
 
-    /// Calls `exchange(pointer, count)` for all that is stored, oldest first, but for the counters.
-    template <class Exchange>
-    void for_each_run(const Exchange& exchange);
+    /// Call visit(pointer, values per number) for each array of the frames' ring, and of the transitions'.
+    template <class Visit>
+    void for_each_frame_array(const Visit& visit);
+    template <class Visit>
+    void for_each_transition_array(const Visit& visit);
 
   private:
     void mark_users(std::int64_t transition);
     void copy_stack(std::span<const FrameId> shown, std::uint8_t* pixels) const;
 };
 
-template <class Exchange>
-void ReplayStorage::for_each_run(const Exchange& exchange) {
-    const auto runs = [](std::int64_t begin, std::int64_t end, std::int64_t ring, const auto& visit) {
-        while (begin < end) {
-            const std::int64_t slot = begin % ring;
-            const std::int64_t count = std::min(end - begin, ring - slot);
-            visit(slot, count);
-            begin += count;
-        }
-    };
-    runs(transitions_begin, transitions_end, capacity, [&](std::int64_t slot, std::int64_t count) {
-        exchange(references.data() + slot * 2 * stack, count * 2 * stack);
-        exchange(n_step_returns.data() + slot, count);
-        exchange(discounts.data() + slot, count);
-    });
-    runs(frames_begin(), frames_end, frames_capacity, [&](std::int64_t slot, std::int64_t count) {
-        if (action_size > 0)
-            exchange(actions.data() + slot * action_size, count * action_size);
-        else
-            exchange(discrete_actions.data() + slot, count);
-        exchange(frames.data() + slot * frame_size, count * frame_size);
-    });
+template <class Visit>
+void ReplayStorage::for_each_frame_array(const Visit& visit) {
+    if (action_size > 0)
+        visit(actions.data(), action_size);
+    else
+        visit(discrete_actions.data(), std::int64_t{1});
+    visit(frames.data(), frame_size);
+}
+
+template <class Visit>
+void ReplayStorage::for_each_transition_array(const Visit& visit) {
+    visit(references.data(), 2 * stack);
+    visit(n_step_returns.data(), std::int64_t{1});
+    visit(discounts.data(), std::int64_t{1});
 }
 
 }  // namespace cale

@@ -35,6 +35,9 @@ class SumTree {
 
     /// All values in their order, to be saved and restored. Who writes here calls restore_sums().
     std::span<double> values() { return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)}; }
+    std::span<const double> values() const {
+        return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)};
+    }
     void restore_sums();
 
   private:

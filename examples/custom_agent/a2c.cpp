@@ -87,8 +87,6 @@ class A2c final : public Agent {
         restore(parts(), state);
         rollout_ = std::move(rollout);
     }
-    void save_memory(const std::string&) const override {}
-    void load_memory(const std::string&) override {}
 
   private:
     void learn(const torch::Tensor& next_observations) {

@@ -10,7 +10,7 @@
 #include <torch/torch.h>
 
 #include "agents/random.h"
-#include "experiment/temporary_folder.h"
+#include "replay/replay_buffer.h"
 
 namespace cale {
 
@@ -149,20 +149,8 @@ std::int64_t gradient_steps_of(Agent& agent) {
     return static_cast<std::int64_t>(agent.state().at("adam/steps").item<double>());
 }
 
-Batch memory_of(const Agent& agent, const AgentSpec& spec, const ReplaySettings& settings, bool prioritised) {
-    const test::TemporaryFolder folder;
-    agent.save_memory(folder / "memory");
-    ReplayBuffer replay({.capacity = settings.replay_capacity,
-                         .num_envs = spec.num_envs,
-                         .stack = spec.stack,
-                         .frame_height = spec.frame_height,
-                         .frame_width = spec.frame_width,
-                         .action_size = spec.num_actions == 0 ? 3 : 0,
-                         .update_horizon = settings.update_horizon,
-                         .gamma = settings.gamma,
-                         .replay_terminal = settings.replay_terminal,
-                         .prioritised = prioritised});
-    replay.load(folder / "memory");
+Batch memory_of(Agent& agent) {
+    const ReplayBuffer& replay = *agent.replay();
     std::vector<std::int64_t> positions(static_cast<std::size_t>(replay.size()));
     std::iota(positions.begin(), positions.end(), 0);
     return replay.gather(positions);

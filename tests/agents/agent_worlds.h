@@ -64,8 +64,8 @@ std::int64_t drive(Agent& agent, const AgentSpec& spec, std::int64_t first_step,
 
 /// Gradient steps that the agent has made.
 std::int64_t gradient_steps_of(Agent& agent);
-/// What an agent with these settings remembers, oldest first.
-Batch memory_of(const Agent& agent, const AgentSpec& spec, const ReplaySettings& settings, bool prioritised);
+/// What an agent with a replay remembers, oldest first.
+Batch memory_of(Agent& agent);
 
 void expect_equal(const TensorMap& first, const TensorMap& second);
 /// The same numbers in memory of their own.

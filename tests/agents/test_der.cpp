@@ -284,7 +284,7 @@ TEST(Der, GivesItsMemoryThePrioritiesOfWhatItLearnedFrom) {
         const auto agent = make_der(config, spec);
         drive(*agent, spec, 0, 21);
         const auto spread = [&] {
-            const auto probability = memory_of(*agent, spec, config.replay, prioritised).probability;
+            const auto probability = memory_of(*agent).probability;
             return (probability.max() / probability.min()).item<float>();
         };
         EXPECT_FLOAT_EQ(spread(), 1);  // new ones are all alike

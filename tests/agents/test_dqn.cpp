@@ -139,6 +139,16 @@ TEST(Dqn, DuelingIsAnOptionOfItsNetwork) {
     EXPECT_TRUE(state.contains("target/head.value.weight"));
 }
 
+TEST(Dqn, WithoutPaddingItsNetworkIsThatOfMnihAndOthers) {
+    AgentSpec spec;
+    spec.num_actions = 18;
+    DqnConfig config;
+    config.padding = Padding::valid;
+    const auto state = make_dqn(config, spec)->state();
+    for (const auto* weight : {"network/head.fc1.weight", "target/head.fc1.weight"})
+        EXPECT_EQ(state.at(weight).sizes(), (std::vector<std::int64_t>{512, 64 * 7 * 7})) << weight;
+}
+
 // Learning ----------------------------------------------------------------------------
 
 TEST(Dqn, LearnsWhichActionTheFrameAsksFor) {

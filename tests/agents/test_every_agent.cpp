@@ -14,6 +14,7 @@
 
 #include "agent_worlds.h"
 #include "experiment/temporary_folder.h"
+#include "replay/replay_buffer.h"
 
 namespace cale {
 namespace {
@@ -184,12 +185,12 @@ TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
         drive(*original, spec, 0, moment);
         original->act(noise_frames(2, 1), ActMode::evaluate);
         const auto state = original->state();
-        original->save_memory(folder / "memory");
+        if (original->replay() != nullptr) original->replay()->save(folder.path());
 
         const auto restored = make(world(2, 99), settings);
         drive(*restored, spec, 0, 3);
         restored->load_state(state);
-        restored->load_memory(folder / "memory");
+        if (restored->replay() != nullptr) restored->replay()->load(folder.path());
         expect_equal(restored->state(), state);
         for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 30);
         EXPECT_FALSE(torch::equal(restored->state().at("adam/steps"), state.at("adam/steps")));
@@ -312,10 +313,7 @@ TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
 
 // Agents that learn from a replay -----------------------------------------------------
 
-class ReplayAgent : public EveryAgent {
-  protected:
-    static bool prioritised() { return GetParam().name == "Der"; }
-};
+class ReplayAgent : public EveryAgent {};
 
 INSTANTIATE_TEST_SUITE_P(Table, ReplayAgent, testing::Values(sac(), dqn(), der(), sacd()), name_of);
 
@@ -364,7 +362,7 @@ TEST_P(ReplayAgent, ClipsRewardsWhenItStoresThem) {
         settings.replay.reward_clip = clip;
         const auto agent = make(spec, settings);
         drive(*agent, spec, 0, 8);
-        return memory_of(*agent, spec, settings.replay, prioritised()).n_step_return;
+        return memory_of(*agent).n_step_return;
     };
     // The last one's next observation is not known yet.
     EXPECT_TRUE(
@@ -377,7 +375,7 @@ TEST_P(ReplayAgent, KeepsWhatItSaw) {
     const auto spec = world(2);
     const auto agent = make(spec, settings);
     drive(*agent, spec, 0, 14);
-    const auto memory = memory_of(*agent, spec, settings.replay, prioritised());
+    const auto memory = memory_of(*agent);
     // Two environments end together: a terminal after seven steps, a truncation after fourteen.
     ASSERT_EQ(memory.discount.size(0), 28);
     EXPECT_EQ((memory.discount == 0).sum().item<std::int64_t>(), 2);
@@ -391,17 +389,14 @@ TEST_P(ReplayAgent, KeepsWhatItSaw) {
 }
 
 TEST_P(ReplayAgent, GoesOnWithTheGameUnderWayAfterARestore) {
-    const Settings settings;
     const auto spec = world();
-    const auto transitions_of = [&](const Agent& agent) {
-        return memory_of(agent, spec, settings.replay, prioritised()).index.size(0);
-    };
+    const auto transitions_of = [&](Agent& agent) { return memory_of(agent).index.size(0); };
     const test::TemporaryFolder folder;
     const auto original = make(spec), restored = make(spec);
     drive(*original, spec, 0, 10);
     const auto before = transitions_of(*original);
-    original->save_memory(folder / "memory");
-    restored->load_memory(folder / "memory");
+    original->replay()->save(folder.path());
+    restored->replay()->load(folder.path());
     drive(*restored, spec, 10, 1);
     EXPECT_EQ(transitions_of(*restored), before + 1);
 }

@@ -1,3 +1,4 @@
+#include "experiment/checksum.h"
 #include "experiment/event_file.h"
 
 #include <gmock/gmock.h>

@@ -1,40 +1,20 @@
 #include "experiment/files.h"
 
 #include <array>
-#include <csignal>
 #include <string>
 #include <system_error>
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 
+#include "full_disk.h"
 #include "temporary_folder.h"
 
 namespace cale {
 namespace {
 
+using test::FullDisk;
 using test::TemporaryFolder;
-
-/// No file may grow beyond `bytes` while this lives: as good as a full disk.
-class FullDisk {
-  public:
-    explicit FullDisk(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
-        ::getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit limit{bytes, before_.rlim_max};
-        ::setrlimit(RLIMIT_FSIZE, &limit);
-    }
-    FullDisk(const FullDisk&) = delete;
-    FullDisk& operator=(const FullDisk&) = delete;
-    ~FullDisk() {
-        ::setrlimit(RLIMIT_FSIZE, &before_);
-        std::signal(SIGXFSZ, handler_);
-    }
-
-  private:
-    rlimit before_{};
-    void (*handler_)(int);
-};
 
 TEST(Files, WriteAndReadAgain) {
     TemporaryFolder folder;

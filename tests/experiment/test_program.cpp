@@ -15,6 +15,7 @@
 #include "agents/sac.h"
 #include "cale/games.h"
 #include "experiment/files.h"
+#include "experiment/run_lock.h"
 #include "temporary_folder.h"
 
 namespace cale {
@@ -69,11 +70,13 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
 TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
     const TemporaryFolder folder;
     const auto run = folder.path() / "run";
+    const auto wrong = folder.write("roms/pong.bin", "no game").parent_path().string();
     for (const auto& [mistake, said] :
          std::vector<std::pair<std::string, std::string>>{{"env.gmae=pong", "env.game"},
                                                           {"env.game=pongg", "pong"},
                                                           {"env.threshold=1.5", "0 to 1"},
-                                                          {"env.rom_dir=/nowhere", "/nowhere"}}) {
+                                                          {"env.rom_dir=/nowhere", "/nowhere"},
+                                                          {"env.rom_dir=" + wrong, "with MD5"}}) {
         const auto answer = train_sac(small(run, {mistake}));
         EXPECT_EQ(answer.code, 2) << mistake;
         EXPECT_THAT(answer.stderr_text, testing::HasSubstr(said)) << mistake;
@@ -132,6 +135,41 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
     EXPECT_EQ(longer.code, 0) << longer.stderr_text;
     EXPECT_TRUE(std::filesystem::exists(folder.path() / "checkpoints" / "step_000000020"));
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
+}
+
+TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto resume = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{
+            "--resume",        "--run-dir", folder.path().string(), "--no-progress", "train.total_steps=20",
+            "--accept-changes"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return train_sac(arguments);
+    };
+    const auto other_game = resume({"env.game=pong", "agent.learning_rate=0.5"});
+    EXPECT_EQ(other_game.code, 3);
+    EXPECT_THAT(other_game.stderr_text, testing::HasSubstr("cannot go on in another environment: env.game"));
+    EXPECT_THAT(read_file(folder.path() / "metadata.json"),
+                testing::Not(testing::HasSubstr("accepted_changes")));
+
+    const auto changed = resume({"agent.learning_rate=0.5"});
+    EXPECT_EQ(changed.code, 0) << changed.stderr_text;
+    EXPECT_THAT(changed.stderr_text, testing::HasSubstr("changed in mid-run: agent.learning_rate was"));
+    EXPECT_THAT(read_file(folder.path() / "metadata.json"), testing::HasSubstr("agent.learning_rate was"));
+    EXPECT_EQ(resume({"agent.hidden_units=9"}).code, 3) << "another network";
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("hidden_units: 8"));
+    EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
+}
+
+TEST(ProgramEmulator, ARunIsTrainedByOneProcessAtATime) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const RunLock lock(folder.path());
+    const auto second = train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20"});
+    EXPECT_EQ(second.code, 1);
+    EXPECT_THAT(second.stderr_text, testing::HasSubstr("is training in " + folder.path().string()));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 12"));
 }
 
 TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {

@@ -61,12 +61,10 @@ class ScribeAgent : public Agent {
     std::map<std::string, double> metrics() override { return {{"losses/qf_loss", loss}}; }
     TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
     void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
-    void save_memory(const std::string& path) const override { write_file_atomically(path, "memory"); }
-    void load_memory(const std::string& path) override { memory = read_file(path); }
 
     std::int64_t steps = 0, evaluated = 0, interrupt_at = -1;
     double rewards = 0, loss = 0.5;
-    std::string calls, memory;
+    std::string calls;
     std::vector<bool> first_frames_blank;
 
   private:
@@ -207,7 +205,6 @@ TEST_F(TrainingEmulator, ResumesWhereTheCheckpointStood) {
     ScribeAgent second(1);
     EXPECT_EQ(train(second), Outcome::finished);
     EXPECT_EQ(second.steps, 700);
-    EXPECT_EQ(second.memory, "memory");
     const auto episodes = lines("episodes.csv");
     ASSERT_GE(episodes.size(), episodes_before.size());
     for (std::size_t i = 0; i < episodes_before.size(); ++i) EXPECT_EQ(episodes[i], episodes_before[i]);
@@ -222,6 +219,29 @@ TEST_F(TrainingEmulator, AnInterruptLeavesACheckpoint) {
     ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
     EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000042");
     EXPECT_EQ(agent.evaluated, 0);
+}
+
+TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } agent(1);
+    eval.every = 50;
+    eval.video = false;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    EXPECT_EQ(agent.evaluated, 4) << "at once";
+    EXPECT_EQ(agent.steps, 50);
+    EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000050");
+    EXPECT_FALSE(fs::exists(folder.path() / "eval" / "step_000000050.csv"));
+
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    for (const auto* csv : {"step_000000050.csv", "step_000000100.csv", "step_000000400.csv"})
+        EXPECT_TRUE(fs::exists(folder.path() / "eval" / csv)) << csv;
 }
 
 TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
@@ -266,20 +286,26 @@ TEST_F(TrainingEmulator, GamesThatCannotBeReplayedAreNoCrash) {
     eval.episodes = 0;
     ScribeAgent first(1);
     train(first);
-    const auto file = list_checkpoints(folder.path()).back() / "games.safetensors";
-    auto games = load_safetensors(file).tensors;
+    const auto all = list_checkpoints(folder.path());
+    fs::remove_all(all.front());
+    auto games = load_safetensors(all.back() / "games.safetensors").tensors;
     options.resume = true;
+    /// With a manifest to which all of it is right.
+    const auto refusal = [&](const TensorMap& bad) {
+        auto manifest = read_manifest(all.back());
+        save_safetensors(all.back() / "games.safetensors", bad);
+        manifest["games.safetensors"] = record_of(all.back() / "games.safetensors");
+        write_manifest(all.back(), manifest);
+        ScribeAgent second(1);
+        return test::error_of<ResumeError>([&] { train(second); });
+    };
     for (const auto* part : {"game.0.events", "frames", "episode_returns"}) {
         auto without = games;
         without.erase(part);
-        save_safetensors(file, without);
-        ScribeAgent second(1);
-        EXPECT_THAT([&] { train(second); }, testing::ThrowsMessage<ResumeError>(testing::HasSubstr(part)));
+        EXPECT_THAT(refusal(without), testing::HasSubstr(part));
     }
     games["game.0.start"] = games["game.0.start"].slice(0, 0, 100).contiguous();
-    save_safetensors(file, games);
-    ScribeAgent second(1);
-    EXPECT_THAT([&] { train(second); }, testing::ThrowsMessage<ResumeError>(testing::HasSubstr("damaged")));
+    EXPECT_THAT(refusal(games), testing::HasSubstr("damaged"));
 }
 
 TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {

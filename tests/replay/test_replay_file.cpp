@@ -1,9 +1,11 @@
 // Saving, loading, and every way in which a file can be bad.
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <random>
 #include <string>
 
@@ -22,22 +24,33 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
+using Files = std::map<std::string, std::string>;  // name -> content
+
 class ReplayFile : public testing::Test {
   protected:
     void SetUp() override { fs::create_directories(folder_); }
     void TearDown() override { fs::remove_all(folder_); }
 
-    std::string path(const std::string& name) const { return folder_ / name; }
-    static std::string bytes(const std::string& file) {
-        std::ifstream in(file, std::ios::binary);
-        return {std::istreambuf_iterator<char>(in), {}};
+    fs::path path(const std::string& name) const { return folder_ / name; }
+    static Files files(const fs::path& folder) {
+        Files files;
+        for (const auto& entry : fs::directory_iterator(folder)) {
+            std::ifstream in(entry.path(), std::ios::binary);
+            files[entry.path().filename()] = {std::istreambuf_iterator<char>(in), {}};
+        }
+        return files;
     }
-    static void write(const std::string& file, const std::string& content) {
+    static void write(const fs::path& file, const std::string& content) {
         std::ofstream(file, std::ios::binary) << content;
     }
-    std::string saved(const ReplayBuffer& replay) const {
-        replay.save(path("scratch"));
-        return bytes(path("scratch"));
+    static fs::path emptied(const fs::path& folder) {
+        fs::remove_all(folder);
+        fs::create_directory(folder);
+        return folder;
+    }
+    Files saved(ReplayBuffer& replay) const {
+        replay.save(emptied(path("scratch")));
+        return files(path("scratch"));
     }
 
     fs::path folder_ = fs::temp_directory_path() / ("cale_replay_" + std::to_string(::getpid()));
@@ -64,16 +77,15 @@ void play(ReplayBuffer& replay, int begin, int end) {
         }
 }
 
-void expect_goes_on_alike(const ReplayConfig& config, int steps, const std::string& path,
-                          const std::function<std::string(const ReplayBuffer&)>& saved) {
+void expect_goes_on_alike(const ReplayConfig& config, int steps, const fs::path& folder,
+                          const std::function<Files(ReplayBuffer&)>& saved) {
     ReplayBuffer replay(config), loaded(config);
     play(replay, 0, steps);
     play(loaded, 0, 9);  // is to be forgotten
     if (config.prioritised) give(replay, {0, 3, 7, 11}, {0.25, 4, 0, 1.0 / 3});
     if (config.prioritised) give(loaded, {0, 1, 2, 3}, {100, 100, 100, 100});
-    replay.save(path);
-    loaded.load(path);
-    EXPECT_FALSE(fs::exists(path + ".tmp"));
+    replay.save(folder);
+    loaded.load(folder);
 
     EXPECT_EQ(loaded.size(), replay.size());
     EXPECT_EQ(loaded.add_count(), replay.add_count());
@@ -102,48 +114,9 @@ TEST_F(ReplayFile, LoadsWhatWasSavedAndGoesOnAlike) {
                 ReplayConfig config = small_config();
                 config.replay_terminal = rule;
                 config.prioritised = prioritised;
-                expect_goes_on_alike(config, steps, path("replay"),
-                                     [this](const ReplayBuffer& replay) { return saved(replay); });
+                expect_goes_on_alike(config, steps, emptied(path("replay")),
+                                     [this](ReplayBuffer& replay) { return saved(replay); });
             }
-}
-
-// A file with a good checksum: one transition, as DamagedReplayFile makes it below, and then
-// the largest priority and that of each of the 12 slots.
-TEST_F(ReplayFile, RefusesPrioritiesThatCannotBe) {
-    ReplayConfig config = small_config();
-    config.prioritised = true;
-    const auto refusal = [&](double largest, double of_the_transition, double of_an_empty_slot) {
-        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
-        const std::vector<double> entries{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 1};
-        const std::vector<std::int64_t> contents{1, 0, 1, 0, 0, -1, -1, 0, -1, -1, 0, 0, 0};
-        std::vector<double> priorities(13, 0);
-        priorities[0] = largest;
-        priorities[1] = of_the_transition;
-        priorities[12] = of_an_empty_slot;
-        file.write(entries.data(), entries.size() * sizeof(double));
-        file.write(contents.data(), contents.size() * sizeof(std::int64_t));
-        file.write("abcd", 4);
-        file.write(priorities.data(), priorities.size() * sizeof(double));
-        file.commit();
-        ReplayBuffer replay(config);
-        try {
-            replay.load(path("made"));
-        } catch (const std::runtime_error& error) {
-            return std::string(error.what());
-        }
-        EXPECT_EQ(probabilities(replay), std::vector<float>{1});
-        return std::string("accepted");
-    };
-    constexpr double infinity = std::numeric_limits<double>::infinity();
-    constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_EQ(refusal(3, 2, 0), "accepted");
-    EXPECT_THAT(refusal(3, 4, 0), AllOf(HasSubstr(path("made")), HasSubstr("priorities")));
-    EXPECT_THAT(refusal(3, -1, 0), HasSubstr("priorities"));
-    EXPECT_THAT(refusal(3, not_a_number, 0), HasSubstr("priorities"));
-    EXPECT_THAT(refusal(3, 2, 1), HasSubstr("priorities"));
-    EXPECT_THAT(refusal(0.5, 0.5, 0), HasSubstr("priorities"));
-    EXPECT_THAT(refusal(infinity, 2, 0), HasSubstr("priorities"));
-    EXPECT_THAT(refusal(not_a_number, 2, 0), HasSubstr("priorities"));
 }
 
 TEST_F(ReplayFile, KeepsContinuousActions) {
@@ -155,10 +128,77 @@ TEST_F(ReplayFile, KeepsContinuousActions) {
         const std::array<float, 2> action{static_cast<float>(t), 0.5f};
         replay.add(0, {.frame = frame, .action = action});
     }
-    replay.save(path("replay"));
-    loaded.load(path("replay"));
+    replay.save(folder_);
+    loaded.load(folder_);
     const std::vector<std::int64_t> positions{0, 1, 2, 3};
     EXPECT_TRUE(loaded.gather(positions).action.equal(replay.gather(positions).action));
+}
+
+// Files with a good checksum, of a replay that holds one transition.
+struct MadeReplay {
+    std::int64_t frames_end = 1, transitions_begin = 0, transitions_end = 1;
+    std::vector<std::int64_t> windows{0, 0};  // of two environments
+    std::vector<double> priorities{};         // the largest, and of each of the 12 slots
+    std::int64_t newest_frame = 0, other_frame = 0;
+    std::int64_t first_frame = 0, last_frame = 0;  // in the frames' file
+
+    void write(const fs::path& folder) const {
+        {
+            ReplayFileWriter file(folder / "replay.zst", "CALE-RPL", 3);
+            const std::vector<double> config{12, 2, 3,   1, 4,
+                                             0,  3, 0.5, 0, static_cast<double>(!priorities.empty())};
+            file.write(config.data(), config.size() * sizeof(double));
+            file.write(&frames_end, 3 * sizeof(std::int64_t));
+            file.write(windows.data(), windows.size() * sizeof(std::int64_t));
+            file.write(priorities.data(), priorities.size() * sizeof(double));
+            file.commit();
+        }
+        {
+            ReplayFileWriter file(folder / "transitions-open.zst", "CALE-TRN", 3);
+            // Numbers [0, 1); the stacks; return and discount 0.
+            const std::vector<std::int64_t> content{0, 1, -1, other_frame, newest_frame, -1, -1, 0, 0};
+            file.write(content.data(), content.size() * sizeof(std::int64_t));
+            file.commit();
+        }
+        {
+            ReplayFileWriter file(folder / "frames-open.zst", "CALE-FRM", 3);
+            const std::vector<std::int64_t> content{first_frame, last_frame + 1, 7};
+            file.write(content.data(), content.size() * sizeof(std::int64_t));
+            file.write("abcd", 4);
+            file.commit();
+        }
+    }
+};
+
+TEST_F(ReplayFile, RefusesPrioritiesThatCannotBe) {
+    ReplayConfig config = small_config();
+    config.prioritised = true;
+    const auto refusal = [&](double largest, double of_the_transition, double of_an_empty_slot) {
+        MadeReplay made;
+        made.priorities.assign(13, 0);
+        made.priorities[0] = largest;
+        made.priorities[1] = of_the_transition;
+        made.priorities[12] = of_an_empty_slot;
+        made.write(folder_);
+        ReplayBuffer replay(config);
+        try {
+            replay.load(folder_);
+        } catch (const std::runtime_error& error) {
+            return std::string(error.what());
+        }
+        EXPECT_EQ(probabilities(replay), std::vector<float>{1});
+        return std::string("accepted");
+    };
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(refusal(3, 2, 0), "accepted");
+    EXPECT_THAT(refusal(3, 4, 0), AllOf(HasSubstr(path("replay.zst")), HasSubstr("priorities")));
+    EXPECT_THAT(refusal(3, -1, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(3, not_a_number, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(3, 2, 1), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(0.5, 0.5, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(infinity, 2, 0), HasSubstr("priorities"));
+    EXPECT_THAT(refusal(not_a_number, 2, 0), HasSubstr("priorities"));
 }
 
 class DamagedReplayFile : public ReplayFile {
@@ -167,8 +207,8 @@ class DamagedReplayFile : public ReplayFile {
         ReplayFile::SetUp();
         ReplayBuffer replay(small_config());
         play(replay, 0, 60);
-        replay.save(path("good"));
-        good_ = bytes(path("good"));
+        replay.save(emptied(path("good")));
+        good_ = files(path("good"));
         keep();
         before_ = read_all(kept_);
     }
@@ -178,56 +218,82 @@ class DamagedReplayFile : public ReplayFile {
         play(kept_, 0, 9);
     }
 
-    // The sentence with which this file is refused; the buffer must not have changed.
-    std::string refusal(const std::string& content) {
-        write(path("bad"), content);
+    // The sentence with which what is in the folder is refused; the buffer must not have changed.
+    std::string refusal() {
         try {
-            kept_.load(path("bad"));
+            kept_.load(path("good"));
         } catch (const std::runtime_error& error) {
             EXPECT_EQ(read_all(kept_), before_);
-            EXPECT_THAT(error.what(), HasSubstr(path("bad")));
+            EXPECT_THAT(error.what(), HasSubstr(path("good")));
             return error.what();
         }
         return "accepted";
     }
+    // The same where this file has another content.
+    std::string refusal(const std::string& file, const std::string& content) {
+        write(path("good") / file, content);
+        const auto sentence = refusal();
+        write(path("good") / file, good_.at(file));
+        return sentence;
+    }
 
-    std::string good_;
+    Files good_;
     ReplayBuffer kept_{small_config()};
     std::vector<NumberedTransition> before_;
 };
 
 TEST_F(DamagedReplayFile, IsRefusedWhereverItIsCut) {
-    for (std::size_t size = 0; size < good_.size(); ++size)
-        ASSERT_THAT(refusal(good_.substr(0, size)), HasSubstr("it is truncated")) << size;
+    ASSERT_GE(good_.size(), 10u);
+    for (const auto& [name, content] : good_)
+        for (std::size_t size = 0; size < content.size(); ++size)
+            ASSERT_THAT(refusal(name, content.substr(0, size)),
+                        AllOf(HasSubstr(name), HasSubstr("it is truncated")))
+                << size;
 }
 
 // A few bits of zstd's own tables mean nothing: then nothing but the right content may come out.
 TEST_F(DamagedReplayFile, IsRefusedWhicheverBitIsFlipped) {
     std::size_t flips = 0, accepted = 0;
-    for (std::size_t bit = 0; bit < 8 * good_.size(); bit += bit < 400 ? 1 : 11, ++flips) {
-        std::string bad = good_;
-        bad[bit / 8] = static_cast<char>(bad[bit / 8] ^ (1 << bit % 8));
-        if (refusal(bad) != "accepted") continue;
-        ++accepted;
-        ASSERT_EQ(saved(kept_), good_) << bit;
-        keep();
+    for (const auto& [name, content] : good_) {
+        for (std::size_t bit = 0; bit < 8 * content.size(); bit += 13, ++flips) {
+            std::string bad = content;
+            bad[bit / 8] = static_cast<char>(bad[bit / 8] ^ (1 << bit % 8));
+            if (refusal(name, bad) != "accepted") continue;
+            ++accepted;
+            ASSERT_EQ(saved(kept_), good_) << name << ' ' << bit;
+            keep();
+        }
     }
     EXPECT_LT(accepted, flips / 20);
 }
 
+TEST_F(DamagedReplayFile, IsRefusedWithoutOneOfItsFilesAndWithOnesThatAreExchanged) {
+    for (const auto& [name, content] : good_) {
+        fs::remove(path("good") / name);
+        EXPECT_THAT(refusal(), AllOf(HasSubstr(name), HasSubstr("No such file")));
+        write(path("good") / name, content);
+    }
+    const auto frames =
+        std::ranges::find_if(good_, [](const auto& file) { return file.first.starts_with("frames"); });
+    EXPECT_THAT(refusal(frames->first, std::next(frames)->second), HasSubstr("other frames"));
+}
+
 TEST_F(DamagedReplayFile, IsRefusedWithMoreBehindIt) {
-    EXPECT_THAT(refusal(good_ + "x"), HasSubstr("more"));
-    EXPECT_THAT(refusal(good_ + good_), HasSubstr("more"));
+    for (const auto& [name, content] : good_) {
+        EXPECT_THAT(refusal(name, content + "x"), HasSubstr("more"));
+        EXPECT_THAT(refusal(name, content + content), HasSubstr("more"));
+    }
 }
 
 TEST_F(DamagedReplayFile, IsRefusedWhenItIsSomethingElse) {
-    EXPECT_THAT(refusal("a letter to a friend"), HasSubstr("not a replay file"));
-    std::string newer = good_;
+    EXPECT_THAT(refusal("replay.zst", "a letter to a friend"), HasSubstr("not a replay file"));
+    std::string newer = good_.at("replay.zst");
     newer[8] = 77;
-    EXPECT_THAT(refusal(newer), AllOf(HasSubstr("version 77"), HasSubstr("version 2")));
+    EXPECT_THAT(refusal("replay.zst", newer), AllOf(HasSubstr("version 77"), HasSubstr("version 3")));
     EXPECT_THAT([&] { kept_.load(path("absent")); },
                 ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("absent"), HasSubstr("No such file"))));
-    EXPECT_THROW(kept_.load(folder_), std::runtime_error);
+    fs::create_directories(path("folders") / "replay.zst");
+    EXPECT_THROW(kept_.load(path("folders")), std::runtime_error);
 }
 
 TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
@@ -253,65 +319,47 @@ TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
     refused([](auto& c) { c.prioritised = true; }, "agent.prioritised", "false", "true");
 }
 
-// Files with a good checksum and absurd content: nothing is allocated for what they claim.
+// Nothing is allocated for what a file claims.
 TEST_F(DamagedReplayFile, IsRefusedWhenItsContentIsAbsurd) {
-    struct Content {
-        std::int64_t frames_end = 0, transitions_begin = 0, transitions_end = 0;
-        std::vector<std::int64_t> rest;
-    };
-    const auto made = [&](const Content& content) {
-        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
-        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 0};
-        file.write(config.data(), config.size() * sizeof(double));
-        file.write(&content.frames_end, 3 * sizeof(std::int64_t));
-        file.write(content.rest.data(), content.rest.size() * sizeof(std::int64_t));
-        file.commit();
-        return bytes(path("made"));
+    const auto made = [&](auto change) {
+        MadeReplay content;
+        change(content);
+        content.write(emptied(path("good")));
+        return refusal();
     };
     constexpr std::int64_t huge = std::int64_t{1} << 62;
-    EXPECT_EQ(refusal(made({0, 0, 0, {0, 0}})), "accepted");  // an empty replay: the layout above is right
+    EXPECT_EQ(made([](auto&) {}), "accepted");
     keep();
-    EXPECT_THAT(refusal(made({-1, 0, 0, {0, 0}})), HasSubstr("counters"));
-    EXPECT_THAT(refusal(made({0, 0, huge, {0, 0}})), HasSubstr("counters"));
-    EXPECT_THAT(refusal(made({0, -huge, huge, {0, 0}})), HasSubstr("counters"));
-    EXPECT_THAT(refusal(made({0, 5, 4, {0, 0}})), HasSubstr("counters"));
-    EXPECT_THAT(refusal(made({0, 0, 0, {huge, 0}})), HasSubstr("window"));
-    EXPECT_THAT(refusal(made({0, 0, 0, {-1, 0}})), HasSubstr("window"));
-    EXPECT_THAT(refusal(made({0, 0, 0, {1, 0, 0, 0}})), HasSubstr("frame"));  // frame 0 of none
-    // One transition, return and discount 0, and one frame of 4 bytes after its action.
-    const auto with_frame = [&](std::int64_t newest, std::int64_t other) {
-        std::string content = made({1, 0, 1, {0, 0, -1, other, newest, -1, -1, 0, 0, 0}});
-        ReplayFileWriter file(path("made"), "CALE-RPL", 2);
-        const std::vector<double> config{12, 2, 3, 1, 4, 0, 3, 0.5, 0, 0};
-        file.write(config.data(), config.size() * sizeof(double));
-        const std::vector<std::int64_t> rest{1, 0, 1, 0, 0, -1, other, newest, -1, -1, 0, 0, 0};
-        file.write(rest.data(), rest.size() * sizeof(std::int64_t));
-        file.write("abcd", 4);
-        file.commit();
-        return bytes(path("made"));
-    };
-    EXPECT_EQ(refusal(with_frame(0, 0)), "accepted");
-    keep();
-    EXPECT_THAT(refusal(with_frame(1, 0)), HasSubstr("frame"));
-    EXPECT_THAT(refusal(with_frame(0, huge)), HasSubstr("frame"));
-    EXPECT_THAT(refusal(with_frame(0, -2)), HasSubstr("frame"));
-    EXPECT_THAT(refusal(with_frame(-1, 0)), HasSubstr("frame"));
+    EXPECT_THAT(made([](auto& c) { c.frames_end = -1; }), HasSubstr("counters"));
+    EXPECT_THAT(made([](auto& c) { c.frames_end = huge; }), HasSubstr("counters"));
+    EXPECT_THAT(made([](auto& c) { c.transitions_end = huge; }), HasSubstr("counters"));
+    EXPECT_THAT(made([](auto& c) { c.transitions_begin = -huge; }), HasSubstr("counters"));
+    EXPECT_THAT(made([](auto& c) { c.transitions_begin = 2; }), HasSubstr("counters"));
+    EXPECT_THAT(made([](auto& c) { c.windows = {huge, 0}; }), HasSubstr("window"));
+    EXPECT_THAT(made([](auto& c) { c.windows = {-1, 0}; }), HasSubstr("window"));
+    EXPECT_THAT(made([](auto& c) { c.windows = {1, 1, 0, 0}; }), HasSubstr("window"));  // frame 1 of one
+    EXPECT_THAT(made([](auto& c) { c.newest_frame = 1; }), HasSubstr("frame"));
+    EXPECT_THAT(made([](auto& c) { c.newest_frame = -1; }), HasSubstr("frame"));
+    EXPECT_THAT(made([](auto& c) { c.other_frame = huge; }), HasSubstr("frame"));
+    EXPECT_THAT(made([](auto& c) { c.other_frame = -2; }), HasSubstr("frame"));
+    EXPECT_THAT(made([](auto& c) { c.first_frame = -huge; }), HasSubstr("other frames"));
+    EXPECT_THAT(made([](auto& c) { c.last_frame = 1; }), HasSubstr("other frames"));
 }
 
 TEST_F(DamagedReplayFile, StaysTheOldOneWhenSavingFails) {
-    EXPECT_THAT([&] { kept_.save(path("no/such/folder/replay")); },
-                ThrowsMessage<std::runtime_error>(HasSubstr(path("no/such/folder/replay"))));
+    EXPECT_THAT([&] { kept_.save(path("no/such/folder")); },
+                ThrowsMessage<std::runtime_error>(HasSubstr(path("no/such/folder"))));
     {
-        ReplayFileWriter interrupted(path("good"), "CALE-RPL", 2);
+        ReplayFileWriter interrupted(path("good") / "replay.zst", "CALE-RPL", 3);
         interrupted.write("abc", 3);
     }
-    EXPECT_EQ(bytes(path("good")), good_);
-    EXPECT_FALSE(fs::exists(path("good.tmp")));
+    EXPECT_EQ(files(path("good")), good_) << "and no temporary file";
     if (fs::exists("/dev/full")) {
-        fs::create_symlink("/dev/full", path("full.tmp"));
+        emptied(path("full"));
+        fs::create_symlink("/dev/full", path("full/replay.zst.tmp"));
         EXPECT_THAT([&] { kept_.save(path("full")); },
                     ThrowsMessage<std::runtime_error>(HasSubstr("No space")));
-        EXPECT_FALSE(fs::exists(path("full")));
+        EXPECT_FALSE(fs::exists(path("full/replay.zst")));
     }
 }
 

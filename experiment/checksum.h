@@ -1,0 +1,12 @@
+// The checksum of TensorBoard's records and of a checkpoint's files.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace cale {
+
+/// CRC-32C (Castagnoli), as in iSCSI and TFRecord files. It finds accidents, not forgeries.
+std::uint32_t crc32c(std::string_view bytes);
+
+}  // namespace cale

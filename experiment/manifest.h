@@ -1,0 +1,33 @@
+// What a checkpoint's folder must hold: each file's size and checksum, in manifest.json
+//
+//     {"format_version": 3,
+//      "files": {"agent.safetensors": {"bytes": 27040936, "crc32c": "5ef2a0c1"}, ...}}
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+
+namespace cale {
+
+struct FileRecord {
+    std::uint64_t bytes = 0;
+    std::uint32_t crc32c = 0;
+    bool operator==(const FileRecord&) const = default;
+};
+using Manifest = std::map<std::string, FileRecord>;  // by the files' names
+
+/// Of a file as it is now. Throws std::system_error, naming it.
+FileRecord record_of(const std::filesystem::path& file);
+
+/// Atomically, and last: whatever else was written into the folder is on the disk when it returns.
+void write_manifest(const std::filesystem::path& folder, const Manifest& manifest);
+
+/// Throws std::runtime_error, saying what is wrong, for a folder without one, or of another format.
+Manifest read_manifest(const std::filesystem::path& folder);
+
+/// Reads every file. Throws std::runtime_error that names the first that is missing or not what it was.
+void verify(const std::filesystem::path& folder, const Manifest& manifest);
+
+}  // namespace cale

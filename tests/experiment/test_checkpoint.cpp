@@ -1,0 +1,244 @@
+// Checkpoints on the disk: what they share, how a bad one is told, and what is left when the disk refuses.
+#include "experiment/checkpoint.h"
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <torch/torch.h>
+
+#include "experiment/checkpoint_writer.h"
+#include "experiment/files.h"
+#include "experiment/run_lock.h"
+#include "full_disk.h"
+#include "replay/replay_buffer.h"
+#include "temporary_folder.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+/// Remembers its steps; does nothing else.
+class Rememberer : public Agent {
+  public:
+    torch::Tensor act(const torch::Tensor&, ActMode) override { return {}; }
+    void observe(const Experiences&) override {}
+    bool update(const torch::Tensor&) override { return false; }
+    std::map<std::string, double> metrics() override { return {}; }
+    TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
+    void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
+    ReplayBuffer* replay() override { return &replay_; }
+
+    void step() {
+        const std::array<std::uint8_t, 4> frame{1, 2, 3, static_cast<std::uint8_t>(steps)};
+        replay_.add(0, {.frame = frame, .discrete_action = steps, .reward = 1});
+        ++steps;
+    }
+    std::int64_t newest_action() const {
+        const std::vector<std::int64_t> newest{replay_.size() - 1};
+        return replay_.gather(newest).action.item<std::int64_t>();
+    }
+
+    std::int64_t steps = 0;
+
+  private:
+    ReplayBuffer replay_{{.capacity = 64, .frame_height = 2, .frame_width = 2, .action_size = 0}};
+};
+
+class Checkpoints : public testing::Test {
+  protected:
+    RunSnapshot snapshot() {
+        RunSnapshot snapshot{.state = {.step = agent.steps, .recent_returns = {1, 2}},
+                             .agent = agent.state(),
+                             .games = {{"frames", torch::arange(10)}}};
+        snapshot.replay.emplace(agent.replay()->snapshot());
+        return snapshot;
+    }
+    /// Steps on to `step`, and writes a checkpoint there.
+    fs::path write_at(std::int64_t step) {
+        while (agent.steps < step) agent.step();
+        writer.start(snapshot());
+        writer.finish();
+        return list_checkpoints(run).back();
+    }
+    Checkpoint load() {
+        return load_newest_checkpoint(run, agent, /*with_replay=*/true, [&](const TensorMap& games) {
+            if (games_are_bad) throw std::runtime_error("these games cannot be");
+            EXPECT_EQ(games.at("frames").numel(), 10);
+        });
+    }
+    static std::string damage(const fs::path& file) {
+        auto bytes = read_file(file);
+        auto bad = bytes;
+        bad[bad.size() / 2] = static_cast<char>(bad[bad.size() / 2] ^ 4);
+        fs::remove(file);  // another file may have another name for it
+        write_file_atomically(file, bad);
+        return bytes;
+    }
+    static ino_t inode(const fs::path& file) {
+        struct stat status {};
+        EXPECT_EQ(::stat(file.c_str(), &status), 0);
+        return status.st_ino;
+    }
+
+    test::TemporaryFolder run_folder;
+    fs::path run = run_folder.path();
+    Rememberer agent;
+    CheckpointWriter writer{run, /*keep=*/3, std::nullopt};
+    bool games_are_bad = false;
+};
+
+TEST_F(Checkpoints, BringBackWhatWasWritten) {
+    write_at(100);
+    for (int i = 0; i < 30; ++i) agent.step();
+    const auto checkpoint = load();
+    EXPECT_EQ(checkpoint.state.step, 100);
+    EXPECT_EQ(checkpoint.state.recent_returns, (std::vector<double>{1, 2}));
+    EXPECT_EQ(agent.steps, 100);
+    EXPECT_EQ(agent.newest_action(), 98);  // what follows the last step is not known
+    EXPECT_TRUE(checkpoint.passed_over.empty());
+}
+
+TEST_F(Checkpoints, FullChunksAreWrittenTwiceAndThenShared) {
+    const auto first = write_at(100), second = write_at(110), third = write_at(120);
+    const auto chunk = "frames-000020.zst";  // of four frames: 80 to 83
+    EXPECT_NE(inode(first / chunk), inode(second / chunk)) << "one damaged file must cost one checkpoint";
+    EXPECT_NE(inode(second / chunk), inode(third / chunk));
+    EXPECT_EQ(inode(first / chunk), inode(third / chunk));
+    EXPECT_NE(inode(first / "replay.zst"), inode(third / "replay.zst"));
+    EXPECT_EQ(load().state.step, 120);
+    EXPECT_EQ(agent.newest_action(), 118);
+}
+
+TEST_F(Checkpoints, WhateverFileIsDamagedTheOneBeforeIsTaken) {
+    write_at(100);
+    const auto newest = write_at(110);
+    std::vector<std::string> files;
+    for (const auto& entry : fs::directory_iterator(newest)) files.push_back(entry.path().filename());
+    EXPECT_GE(files.size(), 30u);
+    for (const auto& file : files) {
+        const auto good = damage(newest / file);
+        const auto checkpoint = load();
+        ASSERT_EQ(checkpoint.state.step, 100) << file;
+        EXPECT_EQ(agent.newest_action(), 98);
+        EXPECT_THAT(checkpoint.passed_over,
+                    testing::ElementsAre(AllOf(HasSubstr(newest.string()), HasSubstr(file))));
+        fs::resize_file(newest / file, good.size() / 2);
+        ASSERT_EQ(load().state.step, 100) << file;
+        fs::remove(newest / file);
+        ASSERT_EQ(load().state.step, 100) << file;
+        write_file_atomically(newest / file, good);
+    }
+    EXPECT_EQ(load().state.step, 110);
+}
+
+TEST_F(Checkpoints, ADamagedChunkIsNotCarriedOn) {
+    const auto first = write_at(100), second = write_at(110);
+    damage(first / "frames-000020.zst");
+    damage(second / "frames-000021.zst");
+    damage(first / "frames-000022.zst");
+    damage(second / "frames-000022.zst");
+    write_at(120);
+    EXPECT_EQ(load().state.step, 120);
+    EXPECT_TRUE(load().passed_over.empty());
+}
+
+TEST_F(Checkpoints, GamesThatCannotBePlayedAgainAreNoGoodEither) {
+    write_at(100);
+    games_are_bad = true;
+    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("these games cannot be")));
+}
+
+TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
+    const auto folder = write_at(100);
+    fs::remove(folder / "manifest.json");
+    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("written by an older cale")));
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 4, "files": {}})");
+    EXPECT_THAT([&] { load(); },
+                ThrowsMessage<ResumeError>(HasSubstr("version 4, this program reads version 3")));
+    for (const auto* manifest :
+         {"", "[]", R"({"format_version": 3, "files": {"../x": {"bytes": 1, "crc32c": "00"}}})",
+          R"({"format_version": 3, "files": {"a": {"bytes": -1, "crc32c": "0g"}}})"}) {
+        write_file_atomically(folder / "manifest.json", manifest);
+        EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("manifest.json is damaged")))
+            << manifest;
+    }
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 3, "files": {}})");
+    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("it lacks agent.safetensors")));
+}
+
+TEST_F(Checkpoints, OnlyTheNewestStay) {
+    for (const int step : {10, 20, 30}) write_at(step);
+    const auto checkpoints = run / "checkpoints";
+    fs::create_directories(checkpoints / "step_000000035.partial");  // of a killed run
+    fs::create_directories(checkpoints / "step_000000900");          // of another end that this run came to
+    while (agent.steps < 40) agent.step();
+    writer.start(snapshot());
+    writer.finish();
+    std::vector<std::string> left;
+    for (const auto& folder : fs::directory_iterator(checkpoints)) left.push_back(folder.path().filename());
+    EXPECT_THAT(left, testing::UnorderedElementsAre("step_000000020", "step_000000030", "step_000000040"));
+}
+
+TEST_F(Checkpoints, TakeThePlaceOfOneOfTheSameStep) {
+    write_at(100);
+    const auto folder = write_at(110);
+    damage(folder / "state.json");
+    EXPECT_EQ(load().state.step, 100);
+    write_at(110);
+    EXPECT_EQ(load().state.step, 110);
+    EXPECT_EQ(list_checkpoints(run).size(), 2u);
+}
+
+TEST_F(Checkpoints, AFullDiskIsReportedAndLeavesTheOthersAsTheyAre) {
+    write_at(100);
+    while (agent.steps < 110) agent.step();
+    writer.start(snapshot());
+    writer.finish();
+    for (int i = 0; i < 10; ++i) agent.step();
+    {
+        const test::FullDisk full(64);
+        writer.start(snapshot());
+        EXPECT_THAT([&] { writer.finish(); }, ThrowsMessage<std::runtime_error>(AllOf(
+                                                  HasSubstr("step_000000120"), HasSubstr("File too large"))));
+    }
+    EXPECT_EQ(list_checkpoints(run).size(), 2u);
+    EXPECT_EQ(load().state.step, 110);
+    EXPECT_NO_THROW(write_at(130)) << "there is room again";
+}
+
+TEST_F(Checkpoints, ADeletedFolderIsReported) {
+    write_at(100);
+    fs::remove_all(run / "checkpoints");
+    EXPECT_EQ(write_at(110).filename(), "step_000000110") << "that of the checkpoints is made again";
+    EXPECT_EQ(load().state.step, 110);
+    fs::remove_all(run);
+    writer.start(snapshot());
+    EXPECT_THAT([&] { writer.finish(); },
+                ThrowsMessage<std::runtime_error>(AllOf(HasSubstr(run.string()), HasSubstr("is gone"))));
+    EXPECT_FALSE(fs::exists(run));
+}
+
+TEST(RunLock, IsForOneProcess) {
+    const test::TemporaryFolder folder;
+    {
+        const RunLock lock(folder.path());
+        EXPECT_THAT([&] { RunLock second(folder.path()); },
+                    ThrowsMessage<std::runtime_error>(
+                        AllOf(HasSubstr(folder.path().string()), HasSubstr(std::to_string(::getpid())))));
+    }
+    EXPECT_NO_THROW(RunLock again(folder.path()));
+    EXPECT_THAT([&] { RunLock nowhere(folder / "absent"); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("No such file")));
+}
+
+}  // namespace
+}  // namespace cale
