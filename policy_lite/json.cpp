@@ -80,7 +80,7 @@ class Reader {
         if (next_is('{') || next_is('[')) {
             if (depth > kMaxDepth) throw FileDamage("its header is nested too deeply");
             if (next_is('{')) {
-                object(depth, [](std::string, std::string_view) {});
+                object(depth, [](const std::string&, std::string_view) {});
             } else {
                 array(depth, [](std::string_view) {});
             }

@@ -103,9 +103,10 @@ GoldenPair golden_pair(const StoredTensors& stored, const PolicyFile& policy) {
 
 void check_names(const StoredTensors& stored, const std::vector<NamedShape>& parameters) {
     for (const auto& [name, tensor] : stored.tensors) {
-        const bool known = name == kGoldenObservation || name == kGoldenOutput ||
-                           std::any_of(parameters.begin(), parameters.end(),
-                                       [&](const NamedShape& parameter) { return parameter.name == name; });
+        const bool known =
+            name == kGoldenObservation || name == kGoldenOutput ||
+            std::any_of(parameters.begin(), parameters.end(),
+                        [&, &name = name](const NamedShape& parameter) { return parameter.name == name; });
         if (!known) throw FileDamage({"tensor ", in_quotes(name), " is no part of its network"});
     }
 }

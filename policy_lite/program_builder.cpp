@@ -26,18 +26,18 @@ class Program::Builder {
         : program_(program), file_(file), layers_(layers_of(file.network)) {}
 
     void build() {
-        const auto& network = file_.network;
-        const ImageSize frame{network.stack, network.frame_height, network.frame_width};
+        const auto& acting = file_.network;
+        const ImageSize frame{acting.stack, acting.frame_height, acting.frame_width};
         now_ = program_.pixels_ = place(frame, zeros_for(0));
         for (std::size_t i = 0; i < layers_.size();) i = add(i);
         const auto input = now_;
-        for (const auto& layer : head_layers_of(network, layers_.back().out.channels)) {
+        for (const auto& layer : head_layers_of(acting, layers_.back().out.channels)) {
             now_ = input;
             add_dense(layer);
             (layer.name == "head.value" ? program_.value_ : program_.head_) = now_;
         }
-        if (network.head == PolicyNetwork::Head::gaussian) program_.log_std_ = keep_weights("actor.log_std");
-        program_.output_ = place({output_size(network), 1, 1}, {});
+        if (acting.head == PolicyNetwork::Head::gaussian) program_.log_std_ = keep_weights("actor.log_std");
+        program_.output_ = place({output_size(acting), 1, 1}, {});
     }
 
   private:
@@ -111,7 +111,7 @@ class Program::Builder {
     void step(Step step) {
         step.in = now_;
         now_ = step.out;
-        program_.steps_.push_back(std::move(step));
+        program_.steps_.push_back(step);
     }
 
     std::size_t add_convolution(std::size_t i) {

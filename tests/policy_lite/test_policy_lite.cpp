@@ -85,7 +85,7 @@ TEST(LitePolicy, GreedyIsTheMeanTheLikeliestOrTheMostValuable) {
 }
 
 TEST(LitePolicy, SampledFollowsTheDistribution) {
-    constexpr int kDraws = 20'000;
+    constexpr int kDraws = 6'000;
     std::mt19937_64 random(1);
     const auto policy = policy_of(named("sacd"));
     auto workspace = policy.workspace();
@@ -97,7 +97,7 @@ TEST(LitePolicy, SampledFollowsTheDistribution) {
     }
     const auto log_probabilities = policy.output(pixels, workspace);
     for (std::size_t i = 0; i < frequencies.size(); ++i)
-        EXPECT_NEAR(frequencies[i], std::exp(log_probabilities[i]), 0.015);
+        EXPECT_NEAR(frequencies[i], std::exp(log_probabilities[i]), 0.03);
 
     const auto gaussian = policy_of(named("ppo"));
     auto memory = gaussian.workspace();
@@ -121,11 +121,11 @@ TEST(LitePolicy, AsEvaluatedIsUniformWithProbabilityEpsilon) {
     const auto pixels = random_pixels(policy.info().observation_size(), 3);
     const auto best = policy.act(pixels, workspace).action;
     int others = 0;
-    for (int i = 0; i < 10'000; ++i) {
+    for (int i = 0; i < 4'000; ++i) {
         others += policy.act(pixels, workspace, Choice::as_evaluated, random).action != best;
         ASSERT_EQ(policy.act(pixels, workspace, Choice::sampled, random).action, best);
     }
-    EXPECT_NEAR(others / 10'000.0, 0.25 * 4 / 5, 0.015);
+    EXPECT_NEAR(others / 4'000.0, 0.25 * 4 / 5, 0.03);
 }
 
 TEST(LitePolicy, ABatchIsItsObservations) {
