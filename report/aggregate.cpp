@@ -197,7 +197,7 @@ class MeanStatistic {
 
     std::size_t width() const { return 1; }
 
-    void operator()(Counts counts, std::span<double> out) const {
+    void operator()(Counts counts, std::span<double> out) {
         double sum = 0;
         for (std::size_t i = 0; i < runs_.size(); ++i) sum += counts[i] * runs_[i];
         out[0] = sum / static_cast<double>(runs_.size());
@@ -221,7 +221,7 @@ class ProfileStatistic {
 
     std::size_t width() const { return not_above_.size(); }
 
-    void operator()(Counts counts, std::span<double> out) const {
+    void operator()(Counts counts, std::span<double> out) {
         std::size_t rank = 0, below = 0;
         for (std::size_t i = 0; i < not_above_.size(); ++i) {
             for (; rank < not_above_[i]; ++rank) below += counts[order_[rank]];
@@ -249,7 +249,7 @@ class ImprovementStatistic {
 
     std::size_t width() const { return 1; }
 
-    void operator()(Counts counts, std::span<double> out) const {
+    void operator()(Counts counts, std::span<double> out) {
         double probability = 0;
         for (const auto& game : games_) {
             double wins = 0, y_below = 0, x_equal = 0, y_equal = 0;

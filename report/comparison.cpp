@@ -76,6 +76,7 @@ GameResult result_on(const Game& game, std::vector<const Run*> runs, const Boots
     std::sort(runs.begin(), runs.end(), [](const Run* a, const Run* b) { return a->seed < b->seed; });
     const auto at = [&](auto&& score_of) {
         std::vector<double> scores;
+        scores.reserve(runs.size());
         for (const auto* run : runs) scores.push_back(score_of(*run));
         return scores;
     };
@@ -214,10 +215,10 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
 void check_runs(const FoundRuns& found) {
     if (!found.runs.empty()) return;
     if (found.left_out.empty())
-        throw std::invalid_argument(
+        throw std::runtime_error(
             "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    throw std::invalid_argument(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
-                                            found.left_out.front().what, found.left_out.front().why));
+    throw std::runtime_error(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
+                                         found.left_out.front().what, found.left_out.front().why));
 }
 
 /// "2", "2 to 5"

@@ -86,7 +86,7 @@ struct Comparison {
 /// The groups' labels, in order.
 std::vector<std::string> labels_of(const Comparison& comparison);
 
-/// Throws std::invalid_argument where there is no run, and what group_runs() throws.
+/// Throws std::runtime_error where there is no run to report on, and what group_runs() throws.
 Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines = {},
                    const ComparisonConfig& config = {});
 

@@ -35,6 +35,7 @@ std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data)
         }
     }
     std::vector<GameRow> sorted;
+    sorted.reserve(rows.size());
     for (auto& [name, row] : rows) sorted.push_back(std::move(row));
     return sorted;
 }
@@ -62,12 +63,14 @@ class Grid {
 
     double width() const { return static_cast<double>(columns_) * cell_width_ + kMargin; }
     double bottom() const {
-        return top_ + static_cast<double>((count_ + columns_ - 1) / columns_) * cell_height();
+        const std::size_t rows = (count_ + columns_ - 1) / columns_;
+        return top_ + static_cast<double>(rows) * cell_height();
     }
     /// Without its coordinate system.
     Panel panel(std::size_t index) const {
-        const double x = static_cast<double>(index % columns_) * cell_width_;
-        const double y = top_ + static_cast<double>(index / columns_) * cell_height();
+        const std::size_t row = index / columns_, column = index % columns_;
+        const double x = static_cast<double>(column) * cell_width_;
+        const double y = top_ + static_cast<double>(row) * cell_height();
         return {
             .left = x + 58, .top = y + 34, .right = x + cell_width_ - 4, .bottom = y + cell_height() - 30};
     }

@@ -35,6 +35,7 @@ std::set<std::string> keys_of(const Runs& runs) {
 
 std::vector<std::string> values_of(const Run& run, const std::vector<std::string>& keys) {
     std::vector<std::string> values;
+    values.reserve(keys.size());
     for (const auto& key : keys) values.push_back(value_of(run, key));
     return values;
 }
@@ -71,6 +72,7 @@ std::string label_part(const std::string& key, const std::string& value) {
 
 std::string label_of(const Run& run, const std::vector<std::string>& keys) {
     std::vector<std::string> parts;
+    parts.reserve(keys.size());
     for (const auto& key : keys) parts.push_back(label_part(key, value_of(run, key)));
     return fmt::format("{}", fmt::join(parts, ", "));
 }
@@ -124,12 +126,14 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
 
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys) {
     Runs pointers;
+    pointers.reserve(runs.size());
     for (const auto& run : runs) pointers.push_back(&run);
     std::map<const Run*, std::string> labels;
     if (keys.empty()) {
         labels = labels_of_themselves(pointers);
     } else {
         std::vector<std::string> full;
+        full.reserve(keys.size());
         for (const auto& key : keys) full.push_back(full_key(key, pointers));
         for (const auto* run : pointers) labels[run] = label_of(*run, full);
     }
@@ -141,6 +145,7 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
         group.runs.push_back(std::move(run));
     }
     std::vector<Group> sorted;
+    sorted.reserve(groups.size());
     for (auto& [label, group] : groups) sorted.push_back(std::move(group));
     return sorted;
 }
@@ -157,12 +162,14 @@ std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
         }
     }
     std::vector<SettingRow> rows;
-    for (const auto& [key, of_groups] : values) {
+    for (const auto& entry : values) {
+        const auto& of_groups = entry.second;
         const auto same = [&](const auto& some) { return some == of_groups.front(); };
         const auto missing = [](const auto& some) { return some.empty(); };
         if (std::all_of(of_groups.begin(), of_groups.end(), same)) continue;
         if (std::any_of(of_groups.begin(), of_groups.end(), missing)) continue;
-        SettingRow row{.key = key};
+        SettingRow row{.key = entry.first};
+        row.values.reserve(of_groups.size());
         for (const auto& some : of_groups) row.values.push_back(fmt::format("{}", fmt::join(some, " / ")));
         rows.push_back(std::move(row));
     }

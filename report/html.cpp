@@ -99,6 +99,7 @@ std::string html_list(const std::vector<std::string>& items) {
 
 std::string html_list(const std::vector<LeftOut>& items) {
     std::vector<std::string> sentences;
+    sentences.reserve(items.size());
     for (const auto& item : items) sentences.push_back(fmt::format("{}: {}", item.what, item.why));
     return html_list(sentences);
 }

@@ -47,6 +47,7 @@ std::vector<std::string> tick_texts(const std::vector<double>& ticks) {
     const double unit = largest >= 1e6 ? 1e6 : largest >= 1e4 ? 1e3 : 1;
     const auto* suffix = unit == 1e6 ? "M" : unit == 1e3 ? "k" : "";
     std::vector<std::string> texts;
+    texts.reserve(ticks.size());
     for (const double tick : ticks)
         texts.push_back(fmt::format("{:g}{}", tick / unit, tick == 0 ? "" : suffix));
     return texts;

@@ -52,6 +52,7 @@ cv::Point fixed_point(Point point) {
 
 std::vector<cv::Point> fixed_points(const std::vector<Point>& points) {
     std::vector<cv::Point> fixed;
+    fixed.reserve(points.size());
     for (const auto& point : points) fixed.push_back(fixed_point(point));
     return fixed;
 }

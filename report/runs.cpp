@@ -43,7 +43,7 @@ void flatten(const YAML::Node& node, const std::string& name, std::map<std::stri
     if (node.IsMap()) {
         for (const auto& entry : node) {
             const auto key = entry.first.as<std::string>();
-            flatten(entry.second, name.empty() ? key : name + "." + key, settings);
+            flatten(entry.second, name.empty() ? key : fmt::format("{}.{}", name, key), settings);
         }
     } else if (node.IsScalar()) {
         settings[name] = node.Scalar();
