@@ -1,0 +1,131 @@
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include "experiment/versions.h"
+#include "report/report.h"
+#include "report/tables.h"
+#include "train/commands.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Where scripts/install put it beside the program, else in the source tree that the program was built from.
+fs::path baselines_file() {
+    const fs::path installed = fs::read_symlink("/proc/self/exe").parent_path().parent_path() /
+                               "share/cale/data/reference_scores.csv";
+    return fs::exists(installed) ? installed : fs::path(CALE_DATA_DIR) / "reference_scores.csv";
+}
+
+/// As it can be typed again.
+std::string command_line() {
+    std::ifstream file("/proc/self/cmdline", std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    std::string line;
+    for (std::size_t start = 0, end = 0; (end = text.find('\0', start)) != text.npos; start = end + 1) {
+        const auto word = text.substr(start, end - start);
+        const bool plain = !word.empty() && word.find_first_of(" \t\n'\"\\$*?[]{}()<>|&;!#~`") == word.npos;
+        if (!line.empty()) line += ' ';
+        if (plain) {
+            line += word;
+            continue;
+        }
+        line += '\'';
+        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+        line += '\'';
+    }
+    return line;
+}
+
+struct Options {
+    std::vector<std::string> runs{};
+    std::string output = "report";
+    std::vector<std::string> baselines{};
+    std::string baselines_csv{};
+    std::string score = "training";
+    ComparisonConfig config{};
+};
+
+void report(Options options) {
+    options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
+    const auto csv = options.baselines_csv.empty() ? baselines_file() : fs::path(options.baselines_csv);
+    const auto baselines =
+        options.baselines.empty() ? std::vector<Baseline>() : read_baselines(csv, options.baselines);
+    const std::vector<fs::path> paths(options.runs.begin(), options.runs.end());
+    const Comparison comparison = compare(find_runs(paths, options.config.score), baselines, options.config);
+    const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+    const PageOrigin origin{.command = command_line(),
+                            .version = fmt::format("cale {}", cale_version()),
+                            .time = fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(now))};
+    const auto files = write_report(comparison, origin, options.output);
+
+    if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
+    for (const auto& note : comparison.notes) fmt::print("note: {}\n", note);
+    for (const auto* left_out :
+         {&comparison.left_out_games, &comparison.left_out_runs, &comparison.left_out_baselines}) {
+        for (const auto& [what, why] : *left_out) fmt::print("left out: {}: {}\n", what, why);
+    }
+    fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv)\n", files.front().string(),
+               files.size() - 1);
+}
+
+}  // namespace
+
+void add_report(CLI::App& app) {
+    auto& command =
+        *app.add_subcommand("report",
+                            "Compares runs: human-normalised aggregates with bootstrap intervals, "
+                            "profiles, learning curves, tables, as figures, CSV and one HTML page.");
+    const auto options = std::make_shared<Options>();
+    auto& config = options->config;
+    command
+        .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
+        ->required()
+        ->type_name("FOLDER");
+    command.add_option("-o,--output", options->output, "the folder to write to")->type_name("FOLDER");
+    command
+        .add_option("--baselines", options->baselines,
+                    "published scores to draw beside: names of columns of the baselines file, with commas")
+        ->type_name("NAMES")
+        ->delimiter(',')
+        ->allow_extra_args(false);
+    command
+        .add_option("--baselines-file", options->baselines_csv,
+                    "a table of scores by game, instead of the reference_scores.csv that comes with cale")
+        ->type_name("FILE");
+    command
+        .add_option("--score", options->score,
+                    "training: the last 100 games of training, as the paper has it; evaluation: the newest "
+                    "evaluation")
+        ->check(CLI::IsMember({"training", "evaluation"}));
+    command.add_option("--resamples", config.bootstrap.resamples, "resamples of the bootstrap")
+        ->check(CLI::Range(1, 10'000'000))
+        ->type_name("N");
+    command
+        .add_option(
+            "--group-by", config.group_by,
+            "the settings that make groups, with commas, 'agent' among them; if not given: whatever differs")
+        ->type_name("KEYS")
+        ->delimiter(',')
+        ->allow_extra_args(false);
+    command.footer(
+        "Examples:\n"
+        "  cale report runs -o report\n"
+        "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
+        "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
+        "\n"
+        "Exit codes: 0 done, 1 failed, 2 usage.");
+    command.callback([options] { report(*options); });
+}
+
+}  // namespace cale
