@@ -11,6 +11,10 @@ function(run)
     set(output "${output}" PARENT_SCOPE)
 endfunction()
 
+find_program(CCACHE_PROGRAM ccache)
+if(CCACHE_PROGRAM)
+    set(ENV{CMAKE_CXX_COMPILER_LAUNCHER} ${CCACHE_PROGRAM})
+endif()
 set(configure ${CMAKE_COMMAND} -G Ninja -DCMAKE_CXX_FLAGS=${CXX_FLAGS} -DCMAKE_C_FLAGS=${CXX_FLAGS})
 
 # Builds a stranger's project against what is installed in WORK_DIR/prefix.
