@@ -21,12 +21,21 @@ void add_export(CLI::App& app) {
     command.add_option("--format", options->format, "policy: docs/policy_file.md; onnx: for ONNX runtimes")
         ->check(CLI::IsMember({"policy", "onnx"}))
         ->capture_default_str();
+    command.footer(
+        "Examples:\n"
+        "  cale export runs/Breakout__sac__1__1795270400 -o breakout.safetensors\n"
+        "  cale export runs/Breakout__sac__1__1795270400/checkpoints/step_000100000 -o breakout.onnx "
+        "--format "
+        "onnx");
     command.callback([options] {
         const auto write = options->format == "onnx" ? export_onnx : export_policy;
         const auto info = write(options->from, options->output);
-        const auto& origin = info.provenance;
+        const auto origin = [&](const char* name) {
+            const auto found = info.provenance.find(name);
+            return found == info.provenance.end() ? std::string("unknown") : found->second;
+        };
         fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output, info.agent,
-                   info.game, info.encoder, origin.at("agent_steps"), origin.at("seed"),
+                   info.game, info.encoder, origin("agent_steps"), origin("seed"),
                    static_cast<double>(std::filesystem::file_size(options->output)) / 1e6);
     });
 }
