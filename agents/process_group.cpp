@@ -44,10 +44,11 @@ std::string required(const char* name, int size) {
                                 "docs/distributed.md shows");
 }
 
-/// The part of an error's text that says what happened.
-std::string first_line(const std::exception& error) {
+/// The part of an error's text that says what happened, without where in Gloo's source that was.
+std::string reason(const std::exception& error) {
     const auto* of_torch = dynamic_cast<const c10::Error*>(&error);
-    const std::string text = of_torch != nullptr ? of_torch->what_without_backtrace() : error.what();
+    std::string text = of_torch != nullptr ? of_torch->what_without_backtrace() : error.what();
+    if (text.starts_with('[')) text.erase(0, text.find("] ") + 2);
     return text.substr(0, text.find('\n'));
 }
 
@@ -126,7 +127,7 @@ struct ProcessGroup::Impl {
 
     [[noreturn]] void fail(const std::string& what, const std::exception& error) const {
         throw std::runtime_error("process " + std::to_string(place.rank) + " of " +
-                                 std::to_string(place.size) + ": " + what + ": " + first_line(error));
+                                 std::to_string(place.size) + ": " + what + ": " + reason(error));
     }
 
     /// Starts something that all processes do, and waits for it.
