@@ -44,6 +44,7 @@ std::string text_of(const ChildEnd& end) {
 
 pid_t start_child(const std::vector<std::string>& command, const ChildSettings& settings) {
     std::vector<char*> arguments;
+    arguments.reserve(command.size() + 1);
     for (const auto& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
     arguments.push_back(nullptr);
     cpu_set_t cpus;

@@ -100,7 +100,7 @@ std::vector<std::vector<Setting>> combinations(const Grid& grid) {
 }
 
 std::vector<std::vector<Setting>> combinations(const Grid& grid, const std::vector<Grid>& variants) {
-    const auto starts = combinations(grid);
+    auto starts = combinations(grid);
     if (variants.empty()) return starts;
     std::vector<std::vector<Setting>> ends;
     for (const auto& variant : variants) {

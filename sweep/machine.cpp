@@ -25,6 +25,7 @@ std::vector<std::string> devices_of(const Machine& machine, const Sharing& shari
     for (const auto& device : sharing.devices) check_device(device);
     if (!sharing.devices.empty()) return sharing.devices;
     std::vector<std::string> devices;
+    devices.reserve(static_cast<std::size_t>(machine.gpus));
     for (int gpu = 0; gpu < machine.gpus; ++gpu) devices.push_back(fmt::format("cuda:{}", gpu));
     if (devices.empty()) devices.emplace_back("cpu");
     return devices;

@@ -36,6 +36,10 @@ bool is_plan_key(std::string_view key) {
     return std::find(kPlanKeys.begin(), kPlanKeys.end(), key) != kPlanKeys.end();
 }
 
+std::string assignment(const Setting& setting) {
+    return fmt::format("{}={}", setting.key, setting.value);
+}
+
 /// Agents whose programs lie in `folder`.
 std::vector<std::string> agents_in(const fs::path& folder) {
     std::vector<std::string> agents;
@@ -86,8 +90,8 @@ Group group_of(const fs::path& program, const SweepRun& run) {
     Group group;
     group.first.push_back(program.string());
     if (!run.config.empty()) group.first.insert(group.first.end(), {"--config", run.config.string()});
-    for (const auto& [key, value] : run.settings) {
-        if (is_plan_key(key)) group.second.push_back(key + "=" + value);
+    for (const auto& setting : run.settings) {
+        if (is_plan_key(setting.key)) group.second.push_back(assignment(setting));
     }
     return group;
 }
@@ -109,8 +113,8 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
     for (const auto& run : sweep.runs) {
         if (!programs.contains(run.agent)) programs[run.agent] = find_program(run.agent, folder);
         auto& others = other_settings[group_of(programs[run.agent], run).first];
-        for (const auto& [key, value] : run.settings) {
-            if (!is_plan_key(key)) others.insert(key + "=" + value);
+        for (const auto& setting : run.settings) {
+            if (!is_plan_key(setting.key)) others.insert(assignment(setting));
         }
     }
 
@@ -152,7 +156,7 @@ std::int64_t largest_memory(std::span<const PlannedRun> runs) {
 std::vector<std::string> command_of(const PlannedRun& planned, const RunPlace& place, bool resume) {
     std::vector<std::string> command = {planned.program.string()};
     if (!planned.run.config.empty()) command.insert(command.end(), {"--config", planned.run.config.string()});
-    for (const auto& [key, value] : planned.run.settings) command.push_back(key + "=" + value);
+    for (const auto& setting : planned.run.settings) command.push_back(assignment(setting));
     command.insert(command.end(), {"--run-dir", place.folder.string(), "--threads",
                                    std::to_string(place.threads), "--device", place.device, "--no-progress"});
     if (resume) command.emplace_back("--resume");

@@ -78,7 +78,7 @@ void read_newest_report(const fs::path& file, RunStatus& status) {
     std::ifstream in(file);
     std::string header;
     if (!std::getline(in, header)) return;
-    auto text = tail(file, 16 * 1024);
+    auto text = tail(file, 16'384);
     text.resize(text.rfind('\n') == text.npos ? 0 : text.rfind('\n'));  // a row under way does not count
     const auto row = text.substr(text.rfind('\n') + 1);
     const auto names = split(header);

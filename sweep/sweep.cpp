@@ -134,8 +134,8 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         return 0;
     }
     fs::create_directories(folder);
-    fmt::print(stderr, "{}: {} runs in {}, {} at once ({})\n", sweep.name, runs.size(), folder.string(),
-               slots.slots.size(), slots.reason);
+    fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
+               runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
     return run_locally(
         runs, folder, slots,
         {.threads = options.sharing.threads, .retries = options.retries, .live_table = options.live_table});
