@@ -25,6 +25,7 @@ struct DerConfig {
     static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
 
     EncoderKind encoder = EncoderKind::phi_dqn;
+    Padding padding = Padding::same;
     std::int64_t hidden_units = 512;
     bool distributional = true;
     std::int64_t num_atoms = 51;
@@ -46,6 +47,8 @@ struct DerConfig {
 template <class Visit>
 void fields(DerConfig& config, Visit&& visit) {
     visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("padding", config.padding,
+          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of the hidden layer");
     visit("distributional", config.distributional,
           "learn the return's distribution (C51); off: its mean, by squared error");

@@ -31,6 +31,7 @@ struct DqnConfig {
     static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
 
     EncoderKind encoder = EncoderKind::phi_dqn;
+    Padding padding = Padding::same;
     std::int64_t hidden_units = 512;
     bool dueling = false;
     bool double_dqn = false;
@@ -45,6 +46,8 @@ struct DqnConfig {
 template <class Visit>
 void fields(DqnConfig& config, Visit&& visit) {
     visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("padding", config.padding,
+          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of the hidden layer");
     visit("dueling", config.dueling, "a state's value and the actions' advantages apart");
     visit("double_dqn", config.double_dqn, "the online network chooses the action that the target values");

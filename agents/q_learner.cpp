@@ -27,14 +27,13 @@ void QLearner::add_state(StateParts& parts) {
     parts.add("adam/", adam.state());
 }
 
-QLearner make_q_learner(EncoderKind encoder, const QHeadConfig& head, const AdamConfig& adam_config,
+QLearner make_q_learner(EncoderConfig encoder, const QHeadConfig& head, const AdamConfig& adam_config,
                         const AgentSpec& spec, std::uint64_t seed) {
+    encoder.stack = spec.stack;
+    encoder.frame_height = spec.frame_height;
+    encoder.frame_width = spec.frame_width;
     const auto make_network = [&] {
-        QNetwork network(EncoderConfig{.encoder = encoder,
-                                       .stack = spec.stack,
-                                       .frame_height = spec.frame_height,
-                                       .frame_width = spec.frame_width},
-                         head, make_generator(seed));
+        QNetwork network(encoder, head, make_generator(seed));
         network->to(spec.device);
         return network;
     };

@@ -26,8 +26,9 @@ struct QLearner {
     Adam adam;                 // the network's optimiser
 };
 
-/// On the spec's device; the target starts equal to the network.
-QLearner make_q_learner(EncoderKind encoder, const QHeadConfig& head, const AdamConfig& adam_config,
+/// On the spec's device and for its frames, whatever `encoder` says of them; the target starts equal to the
+/// network.
+QLearner make_q_learner(EncoderConfig encoder, const QHeadConfig& head, const AdamConfig& adam_config,
                         const AgentSpec& spec, std::uint64_t seed);
 
 }  // namespace cale

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
+#include <string_view>
 #include <utility>
 
 #include <ATen/core/Generator.h>
@@ -59,6 +61,8 @@ std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64
 
 /// same: ceil(size / stride) positions. valid: no zeros are added.
 enum class Padding { same, valid };
+/// As settings are written.
+std::span<const std::string_view> names_of(Padding);
 
 /// A square convolution. weight [out, in, kernel, kernel], bias [out], zero at first.
 class ConvImpl : public torch::nn::Module {

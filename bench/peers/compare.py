@@ -32,8 +32,10 @@ RUNS = [  # agent, network, configuration, settings that make it what the peers 
     ("sac", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
     ("sac", "phi_dqn", "atari100k", "agent.encoder=phi_dqn", ["sb3 nature"]),
     ("sacd", "phi_dqn", "atari100k", "agent.encoder=phi_dqn agent.min_replay=1600", ["cleanrl nature"]),
-    ("dqn", "phi_dqn", "atari100k", "", ["dopamine phi_dqn", "sb3 nature", "cleanrl nature"]),
-    ("der", "phi_dqn", "atari100k", "", ["dopamine phi_dqn", "cleanrl nature"]),
+    ("dqn", "phi_dqn", "atari100k", "", ["dopamine phi_dqn"]),
+    ("dqn", "nature", "atari100k", "agent.padding=valid", ["sb3 nature", "cleanrl nature"]),
+    ("der", "phi_dqn", "atari100k", "", ["dopamine phi_dqn"]),
+    ("der", "nature", "atari100k", "agent.padding=valid", ["cleanrl nature"]),
     ("ppo", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
     ("ppo", "nature", "discrete", ATARI100K + "agent.epochs=3", ["sb3 nature", "cleanrl nature"]),
 ]
