@@ -5,10 +5,12 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <sstream>
 #include <system_error>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include "experiment/files.h"
@@ -48,6 +50,23 @@ std::string did_you_mean(std::string_view text, std::span<const std::string> can
     const auto guess = nearest(text, candidates);
     return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
 }
+
+/// Where the documents of a YAML stream begin.
+struct DocumentStarts : YAML::EventHandler {
+    std::vector<YAML::Mark> marks;
+
+    void OnDocumentStart(const YAML::Mark& mark) override { marks.push_back(mark); }
+    void OnDocumentEnd() override {}
+    void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+    void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                         YAML::EmitterStyle::value) override {}
+    void OnSequenceEnd() override {}
+    void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                    YAML::EmitterStyle::value) override {}
+    void OnMapEnd() override {}
+};
 
 std::string one_line(std::string_view text) {
     std::string result;
@@ -312,10 +331,17 @@ class YamlReader {
 
     static YAML::Node parse(const std::filesystem::path& file, const std::string& text) {
         try {
-            const auto documents = YAML::LoadAll(text);
-            if (documents.size() > 1)
-                fail(file, documents[1], "a second YAML document ('---'); a file may hold one only");
-            return documents.empty() ? YAML::Node() : documents.front();
+            std::istringstream stream(text);
+            YAML::Parser parser(stream);
+            DocumentStarts starts;
+            // Not YAML::LoadAll(), which on some malformed files takes empty documents for ever.
+            while (starts.marks.size() < 2 && parser.HandleNextDocument(starts)) {
+            }
+            if (starts.marks.size() > 1) {
+                throw ConfigError(at(file, starts.marks[1]) +
+                                  "a second YAML document ('---'); a file may hold one only");
+            }
+            return YAML::Load(text);
         } catch (const YAML::Exception& error) {
             throw ConfigError(at(file, error.mark) + "not valid YAML: " + error.msg);
         }
