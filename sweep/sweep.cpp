@@ -98,6 +98,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
                     const SweepOptions& options, std::FILE* out) {
     if (options.task == SweepTask::show_commands) {
         std::vector<std::string> names;
+        names.reserve(runs.size());
         for (const auto& planned : runs) names.push_back(planned.run.name);
         const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
         fmt::print(out, "{}", slurm_script(folder, names, memory, slurm));

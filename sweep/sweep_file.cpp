@@ -221,9 +221,9 @@ std::map<std::string, std::string> short_keys(const Contents& contents) {
     for (const auto& variant : contents.variants) {
         for (const auto& axis : variant) keys[axis.key] = last_part(axis.key);
     }
-    for (auto& [key, text] : keys) {
-        const auto same = [&](const auto& other) { return last_part(other.first) == last_part(key); };
-        if (std::count_if(keys.begin(), keys.end(), same) > 1) text = key;
+    for (auto& entry : keys) {
+        const auto same = [&](const auto& other) { return last_part(other.first) == last_part(entry.first); };
+        if (std::count_if(keys.begin(), keys.end(), same) > 1) entry.second = entry.first;
     }
     return keys;
 }
