@@ -109,6 +109,10 @@ torch::Tensor Policy::output(const torch::Tensor& observations) const {
     return impl_->output(observations).cpu();
 }
 
+bool Policy::gives_action_values() const {
+    return impl_->head == PolicyNetwork::Head::values;
+}
+
 torch::Tensor Policy::act(const torch::Tensor& observations) const {
     const torch::NoGradGuard no_grad;
     return impl_->greedy(impl_->output(observations));

@@ -53,6 +53,9 @@ class Policy {
     /// Gaussian before the tanh, then the logarithms of its standard deviations), else [N, A]:
     /// log-probabilities, or action values.
     torch::Tensor output(const torch::Tensor& observations) const;
+    /// Whether those are action values: discounted sums of the rewards that the agent learned from, clipped
+    /// or scaled as it was told.
+    bool gives_action_values() const;
 
   private:
     Policy() = default;
