@@ -250,7 +250,7 @@ Picture game_table_figure(const Comparison& comparison) {
 Picture event_figure(const Comparison& comparison) {
     const auto panels = event_panels(comparison);
     const double row = std::max(16.0, 5 * static_cast<double>(comparison.results.size()) + 4);
-    const double names = 118, panel_width = panels.size() == 1 ? 520 : 200, between = 26;
+    const double names = 118, panel_width = panels.size() == 1 ? 520 : 200, between = 40;
     Picture picture = titled_picture(
         "Joystick events", kMargin + names + static_cast<double>(panels.size()) * (panel_width + between));
     const double top = 80 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
