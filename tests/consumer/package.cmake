@@ -1,6 +1,6 @@
 # Makes the .deb and the .tgz of all that needs no LibTorch, as shared libraries, removes the build, unpacks both
 # packages and builds a stranger's project against each.
-# cmake -DSOURCE_DIR=... -DWORK_DIR=... -DCXX_FLAGS=... -P package.cmake
+# cmake -DSOURCE_DIR=... -DWORK_DIR=... -P package.cmake
 include(${CMAKE_CURRENT_LIST_DIR}/steps.cmake)
 
 file(REMOVE_RECURSE ${WORK_DIR})
