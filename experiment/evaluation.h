@@ -22,7 +22,7 @@ namespace cale {
 /// What is chosen for N games.
 struct Chosen {
     torch::Tensor actions;   // [N, 3] float32, or [N] int64
-    torch::Tensor values{};  // [N] float32, the returns expected; undefined where nobody says
+    torch::Tensor values{};  // [N] float32, what the chosen actions are worth; undefined where nobody says
 };
 
 /// Chooses for N games under way. `observations`: [N, depth, 84, 84] uint8, valid during the call;

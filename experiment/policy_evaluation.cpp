@@ -56,8 +56,14 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
 Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
     if (!sampled) {
         return [policy](const torch::Tensor& observations, std::span<const std::int64_t>) {
-            const auto act = [&policy](const torch::Tensor& batch) { return policy.act(batch); };
-            return Chosen{.actions = in_equal_batches(observations, act)};
+            if (policy.gives_action_values()) {
+                const auto values = in_equal_batches(
+                    observations, [&policy](const torch::Tensor& batch) { return policy.output(batch); });
+                return Chosen{.actions = values.argmax(1), .values = values.amax(1)};
+            }
+            return Chosen{.actions = in_equal_batches(observations, [&policy](const torch::Tensor& batch) {
+                              return policy.act(batch);
+                          })};
         };
     }
     return [policy, seed, generators = std::map<std::int64_t, at::Generator>()](

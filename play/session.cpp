@@ -95,6 +95,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
         if (plan.decide) {
             const Chosen chosen = plan.decide(stack_tensor(stack, 1, plan.stack_depth), {&number, 1});
             const auto actions = chosen.actions.contiguous();
+            if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
             if (env.actions().empty()) {
                 const float* a = actions.const_data_ptr<float>();
                 scene.action = ContinuousAction{a[0], a[1], a[2]};

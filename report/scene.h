@@ -27,7 +27,7 @@ struct Scene {
     double threshold = 0.5;                       // tau
     Event event = Event::noop;
     double episode_return = 0;
-    std::optional<double> value{};  // what the agent expects the return to be from here on
+    std::optional<double> value{};  // what the agent thinks its action is worth
 };
 
 /// The game three times as large; beside it what the agent sees, and its joystick: the stick in the
