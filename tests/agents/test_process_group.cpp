@@ -298,6 +298,7 @@ TEST(PpoProcesses, TheDopamineRuleIsForOne) {
         spec.processes = processes;
         auto config = small_ppo();
         config.replay_terminal = ReplayTerminal::dopamine;
+        EXPECT_FALSE(processes.any(false));  // all are there
         EXPECT_THAT([&] { make_ppo(config, spec); },
                     ThrowsMessage<std::invalid_argument>(HasSubstr("env.num_envs = 1, not 2")));
     });

@@ -29,9 +29,9 @@ using testing::HasSubstr;
 
 constexpr const char* kSettings =
     "--threads 1 --no-progress --seed 3 env.game=breakout env.num_envs=4 env.env_threads=1 "
-    "env.max_frames_per_episode=300 agent.encoder=phi_dqn agent.hidden_units=16 agent.rollout_steps=64 "
-    "agent.minibatch_size=16 agent.anneal_steps=84 log.every=96 train.checkpoint_every=160 eval.video=false "
-    "eval.episodes=1";
+    "env.max_frames_per_episode=100 agent.encoder=phi_dqn agent.hidden_units=16 agent.rollout_steps=32 "
+    "agent.minibatch_size=8 agent.epochs=2 agent.anneal_steps=56 log.every=48 train.checkpoint_every=80 "
+    "eval.episodes=0";
 
 struct Ended {
     int code;           // of the first process
@@ -52,7 +52,7 @@ class DistributedEmulator : public testing::Test {
     std::string two(const std::string& arguments, const std::string& of_the_other) const {
         return fmt::format(
             "export WORLD_SIZE=2 MASTER_ADDR=127.0.0.1 MASTER_PORT={}; RANK=1 {} > {} 2>&1 & "
-            "echo $! > {}; RANK=0 timeout -s KILL 120 {} > {} 2>&1; code=$?; wait; exit $code",
+            "echo $! > {}; RANK=0 timeout -s KILL 300 {} > {} 2>&1; code=$?; wait; exit $code",
             test::free_port(), command(of_the_other), run("other.log").string(), run("pid").string(),
             command(arguments), run("first.log").string());
     }
@@ -103,16 +103,16 @@ TEST_F(DistributedEmulator, TwoProcessesAreOneRun) {
         return fmt::format("--resume --no-progress --run-dir {} train.total_steps={}", run(name).string(),
                            steps);
     };
-    const auto one = start_one(arguments("one", 480));
+    const auto one = start_one(arguments("one", 240));
     ASSERT_EQ(one.code, 0) << one.first;
-    const auto together = start_two(arguments("two", 480));
+    const auto together = start_two(arguments("two", 240));
     ASSERT_EQ(together.code, 0) << together.first << together.other;
     EXPECT_EQ(together.other, "");
     expect_same_run(run("two"), run("one"));
 
-    const auto half = start_two(arguments("parted", 320));
+    const auto half = start_two(arguments("parted", 160));
     ASSERT_EQ(half.code, 0) << half.first << half.other;
-    const auto rest = start_two(resumed("parted", 480));
+    const auto rest = start_two(resumed("parted", 240));
     ASSERT_EQ(rest.code, 0) << rest.first << rest.other;
     expect_same_run(run("parted"), run("one"));
 }
