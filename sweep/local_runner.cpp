@@ -87,7 +87,7 @@ class LocalRunner {
             job.planned = &runs[i];
             job.folder = folder / runs[i].run.name;
             job.status = status_of(job.folder, runs[i].total_steps, runs[i].evaluates);
-            if (job.status.state != RunState::finished) queue_.push_back(&job);
+            if (job.status.state != RunPhase::finished) queue_.push_back(&job);
         }
     }
 
@@ -103,7 +103,7 @@ class LocalRunner {
         }
         console_.finish(rows());
         if (stops > 0) return kInterrupted;
-        return count(RunState::failed) > 0 ? kSomeFailed : kAllFinished;
+        return count(RunPhase::failed) > 0 ? kSomeFailed : kAllFinished;
     }
 
   private:
@@ -134,7 +134,7 @@ class LocalRunner {
             return;
         }
         if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
-            job.status.state = RunState::finished;
+            job.status.state = RunPhase::finished;
             job.status.step = newest_checkpoint(job.folder).value_or(planned.total_steps);
             return say("finished", job, "by another process");
         }
@@ -152,7 +152,7 @@ class LocalRunner {
         job.slot = slot;
         job.started = Clock::now();
         job.started_at = checkpoint.value_or(0);
-        job.status = {.state = RunState::running, .step = job.started_at};
+        job.status = {.state = RunPhase::running, .step = job.started_at};
         active_.push_back(&job);
         say(checkpoint ? "goes on" : "starts", job,
             checkpoint ? fmt::format("from step {}", *checkpoint) : "");
@@ -175,7 +175,7 @@ class LocalRunner {
     void take_in(Job& job, const ChildEnd& end) {
         job.status = status_of(job.folder, job.planned->total_steps, job.planned->evaluates);
         if (end.exit_code == kDone) {
-            job.status.state = RunState::finished;
+            job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();
             return say(
                 "finished", job,
@@ -198,7 +198,7 @@ class LocalRunner {
                 "broke off", job,
                 fmt::format("{}; it is tried again ({} of {})", reason, job.failures, options_.retries));
         }
-        job.status.state = RunState::failed;
+        job.status.state = RunPhase::failed;
         job.status.message = reason;
         say("FAILED", job, reason);
         try {
@@ -241,14 +241,14 @@ class LocalRunner {
         return result;
     }
 
-    std::size_t count(RunState state) const {
+    std::size_t count(RunPhase state) const {
         return static_cast<std::size_t>(std::count_if(
             jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.status.state == state; }));
     }
 
     void say(std::string_view what, const Job& job, const std::string& more = "") {
         const auto width = std::to_string(jobs_.size()).size();
-        console_.say(fmt::format("[{:>{}}/{}] {:<9}  {}{}{}", count(RunState::finished), width, jobs_.size(),
+        console_.say(fmt::format("[{:>{}}/{}] {:<9}  {}{}{}", count(RunPhase::finished), width, jobs_.size(),
                                  what, job.planned->run.name, more.empty() ? "" : "  ", more));
     }
 
@@ -256,7 +256,7 @@ class LocalRunner {
         if (!console_.due()) return;
         for (Job* job : active_) {
             job->status = status_of(job->folder, job->planned->total_steps, job->planned->evaluates);
-            job->status.state = RunState::running;
+            job->status.state = RunPhase::running;
         }
         console_.show(rows());
     }

@@ -111,7 +111,7 @@ bool is_trained_in(const fs::path& folder) {
 
 }  // namespace
 
-std::string_view name_of(RunState state) {
+std::string_view name_of(RunPhase state) {
     constexpr std::array<std::string_view, 5> names = {"waiting", "interrupted", "running", "finished",
                                                        "failed"};
     return names[static_cast<std::size_t>(state)];
@@ -133,14 +133,14 @@ RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evalu
     const auto checkpoint = newest_checkpoint(folder);
     status.step = std::max(status.step, checkpoint.value_or(0));
     if (RunClaim::is_taken(folder)) {
-        status.state = RunState::running;
+        status.state = RunPhase::running;
     } else if (is_finished(folder, total_steps, evaluates)) {
-        status.state = RunState::finished;
+        status.state = RunPhase::finished;
     } else if (fs::exists(folder / kFailure)) {
-        status.state = RunState::failed;
+        status.state = RunPhase::failed;
         status.message = tail(folder / kFailure, 4096);
     } else if (checkpoint) {
-        status.state = RunState::interrupted;
+        status.state = RunPhase::interrupted;
         status.step = *checkpoint;
     }
     return status;

@@ -12,11 +12,11 @@ namespace cale {
 
 /// waiting: nothing done that counts. interrupted: it has a checkpoint to go on from. running: a living
 /// process is at work in the folder.
-enum class RunState { waiting, interrupted, running, finished, failed };
-std::string_view name_of(RunState state);
+enum class RunPhase { waiting, interrupted, running, finished, failed };
+std::string_view name_of(RunPhase state);
 
 struct RunStatus {
-    RunState state = RunState::waiting;
+    RunPhase state = RunPhase::waiting;
     std::int64_t step = 0;                // agent steps, as its newest report or checkpoint says
     double steps_per_second = 0;          // of its newest report
     std::optional<double> mean_return{};  // of its newest 100 episodes, at its newest report

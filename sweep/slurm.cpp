@@ -122,7 +122,7 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
     std::vector<std::string> names;
     for (const auto& planned : runs) {
         const auto state = status_of(folder / planned.run.name, planned.total_steps, planned.evaluates).state;
-        if (state == RunState::finished || state == RunState::running || queued.contains(planned.run.name))
+        if (state == RunPhase::finished || state == RunPhase::running || queued.contains(planned.run.name))
             continue;
         names.push_back(planned.run.name);
     }

@@ -53,9 +53,9 @@ void show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, st
                    .total_steps = planned.total_steps};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
-        if (in_queue != queued.end() && row.status.state != RunState::finished) {
+        if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
             row.state = in_queue->second;
-            if (row.state == "running") row.status.state = RunState::running;
+            if (row.state == "running") row.status.state = RunPhase::running;
         }
         rows.push_back(row);
     }

@@ -49,7 +49,7 @@ void SweepConsole::show(std::span<const RunRow> runs) {
     std::vector<RunRow> running;
     for (const auto& run : runs) {
         // Two lines are above them, and the cursor's line is below.
-        if (run.status.state == RunState::running && running.size() + 4 < std::max<std::size_t>(height, 6))
+        if (run.status.state == RunPhase::running && running.size() + 4 < std::max<std::size_t>(height, 6))
             running.push_back(run);
     }
     const auto text = summary(runs).substr(0, width) + "\n" + table(running, width);

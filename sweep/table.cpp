@@ -36,8 +36,8 @@ std::string summary(std::span<const RunRow> rows) {
     double speed = 0, steps_left = 0;
     for (const auto& row : rows) {
         ++counts[row.state];
-        if (row.status.state == RunState::running) speed += row.status.steps_per_second;
-        if (row.status.state != RunState::finished && row.status.state != RunState::failed)
+        if (row.status.state == RunPhase::running) speed += row.status.steps_per_second;
+        if (row.status.state != RunPhase::finished && row.status.state != RunPhase::failed)
             steps_left += static_cast<double>(row.total_steps - row.status.step);
     }
     auto text = fmt::format("{} run{}:", rows.size(), rows.size() == 1 ? "" : "s");
@@ -46,8 +46,8 @@ std::string summary(std::span<const RunRow> rows) {
         text += fmt::format("{} {} {}", comma, count, state);
         comma = ",";
     };
-    for (const auto state : {RunState::finished, RunState::failed, RunState::running, RunState::interrupted,
-                             RunState::waiting}) {
+    for (const auto state : {RunPhase::finished, RunPhase::failed, RunPhase::running, RunPhase::interrupted,
+                             RunPhase::waiting}) {
         if (const auto found = counts.extract(std::string(name_of(state)))) add(found.key(), found.mapped());
     }
     for (const auto& [state, count] : counts) add(state, count);  // a batch system's own
@@ -64,7 +64,7 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
     std::string text = fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", "run", column, "state",
                                    "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
-        const bool running = row.status.state == RunState::running;
+        const bool running = row.status.state == RunPhase::running;
         text += fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", shortened(row.name, column),
                             column, row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
                             running && row.status.steps_per_second > 0
@@ -72,7 +72,7 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
                                 : "-",
                             row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
                             running ? duration_text(seconds_left(row)) : "-");
-        if (!row.status.message.empty() && row.status.state == RunState::failed)
+        if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + row.status.message, width) + "\n";
     }
     return text;

@@ -13,7 +13,7 @@ namespace cale {
 /// What the table shows of a run.
 struct RunRow {
     std::string name;
-    std::string state;  // name_of(RunState), or what a batch system says
+    std::string state;  // name_of(RunPhase), or what a batch system says
     RunStatus status;
     std::int64_t total_steps = 0;
 };

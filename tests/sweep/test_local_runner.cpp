@@ -48,7 +48,7 @@ class LocalSweep : public testing::Test {
         ::waitpid(process, &status, 0);
         return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
     }
-    RunState state(const std::string& run) { return status_of(fake_.sweep() / run, 100, false).state; }
+    RunPhase state(const std::string& run) { return status_of(fake_.sweep() / run, 100, false).state; }
     bool says(const std::string& run, const std::string& words) {
         return fake_.output(run).find(words) != std::string::npos;
     }
@@ -64,7 +64,7 @@ TEST_F(LocalSweep, TrainsAllRunsOnce) {
     const auto runs = fake_.runs({"fast", "fast", "fast"});
     EXPECT_EQ(run(runs), 0);
     for (const std::string name : {"fast_0", "fast_1", "fast_2"}) {
-        EXPECT_EQ(state(name), RunState::finished);
+        EXPECT_EQ(state(name), RunPhase::finished);
         EXPECT_EQ(fake_.output(name), "started with output.log \n");
     }
     EXPECT_THAT(said(), HasSubstr("[3/3] finished   "));
@@ -77,10 +77,10 @@ TEST_F(LocalSweep, TrainsAllRunsOnce) {
 
 TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
     EXPECT_EQ(run(fake_.runs({"fail", "fail_once", "unresumable", "fast"})), 1);
-    EXPECT_EQ(state("fail_0"), RunState::failed);
-    EXPECT_EQ(state("fail_once_1"), RunState::finished);
-    EXPECT_EQ(state("unresumable_2"), RunState::failed);
-    EXPECT_EQ(state("fast_3"), RunState::finished);
+    EXPECT_EQ(state("fail_0"), RunPhase::failed);
+    EXPECT_EQ(state("fail_once_1"), RunPhase::finished);
+    EXPECT_EQ(state("unresumable_2"), RunPhase::failed);
+    EXPECT_EQ(state("fast_3"), RunPhase::finished);
     EXPECT_EQ(fake_.output("fail_0"),
               "started with output.log \nit breaks always\n"
               "started with output.log \nit breaks always\n")
@@ -110,15 +110,15 @@ TEST_F(LocalSweep, AnInterruptLeavesCheckpointsToGoOnFrom) {
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
         const auto sweep = start(runs);
         ASSERT_TRUE(test::wait_until([&] {
-            return state("slow_0") == RunState::running && state("slow_1") == RunState::running &&
+            return state("slow_0") == RunPhase::running && state("slow_1") == RunPhase::running &&
                    says("slow_0", "started") && says("slow_1", "started");
         }));
         ::usleep(100'000);  // the scripts' traps
         ::kill(sweep, signal);
         EXPECT_EQ(exit_code_of(sweep), 130);
-        EXPECT_EQ(state("slow_0"), RunState::interrupted);
-        EXPECT_EQ(state("slow_1"), RunState::interrupted);
-        EXPECT_EQ(state("slow_2"), RunState::waiting) << "nothing is started on the way out";
+        EXPECT_EQ(state("slow_0"), RunPhase::interrupted);
+        EXPECT_EQ(state("slow_1"), RunPhase::interrupted);
+        EXPECT_EQ(state("slow_2"), RunPhase::waiting) << "nothing is started on the way out";
     }
     fake_.go();
     EXPECT_EQ(run(runs), 0);
@@ -129,11 +129,11 @@ TEST_F(LocalSweep, KilledItselfItTakesItsRunsWithItAndTheNextGoesOn) {
     const auto runs = fake_.runs({"slow", "fast"});
     const auto sweep = start(runs);
     ASSERT_TRUE(
-        test::wait_until([&] { return says("slow_0", "started") && state("fast_1") == RunState::finished; }));
+        test::wait_until([&] { return says("slow_0", "started") && state("fast_1") == RunPhase::finished; }));
     ::usleep(100'000);
     ::kill(sweep, SIGKILL);
     EXPECT_EQ(exit_code_of(sweep), -SIGKILL);
-    EXPECT_TRUE(test::wait_until([&] { return state("slow_0") == RunState::interrupted; }))
+    EXPECT_TRUE(test::wait_until([&] { return state("slow_0") == RunPhase::interrupted; }))
         << "the run got its own signal, and wrote a checkpoint";
     fake_.go();
     EXPECT_EQ(run(runs), 0);

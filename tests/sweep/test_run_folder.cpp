@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 class RunFolder : public testing::Test {
   protected:
     RunStatus status(bool evaluates = true) { return status_of(folder_.path() / "run", 100, evaluates); }
-    RunState state(bool evaluates = true) { return status(evaluates).state; }
+    RunPhase state(bool evaluates = true) { return status(evaluates).state; }
     void checkpoint(const std::string& step) {
         fs::create_directories(folder_ / ("run/checkpoints/step_" + step));
     }
@@ -30,21 +30,21 @@ class RunFolder : public testing::Test {
 };
 
 TEST_F(RunFolder, SaysHowFarTheRunIs) {
-    EXPECT_EQ(state(), RunState::waiting);
+    EXPECT_EQ(state(), RunPhase::waiting);
     folder_.write("run/config.yaml", "");
-    EXPECT_EQ(state(), RunState::waiting) << "no checkpoint yet: it will start again";
+    EXPECT_EQ(state(), RunPhase::waiting) << "no checkpoint yet: it will start again";
     fs::create_directories(folder_ / "run/checkpoints/partial-step_000000100");
-    EXPECT_EQ(state(), RunState::waiting) << "a checkpoint under way is none";
+    EXPECT_EQ(state(), RunPhase::waiting) << "a checkpoint under way is none";
     checkpoint("000000050");
-    EXPECT_EQ(state(), RunState::interrupted);
+    EXPECT_EQ(state(), RunPhase::interrupted);
     EXPECT_EQ(status().step, 50);
     checkpoint("000000104");
-    EXPECT_EQ(state(), RunState::interrupted) << "the evaluation at the end is missing";
-    EXPECT_EQ(state(/*evaluates=*/false), RunState::finished);
+    EXPECT_EQ(state(), RunPhase::interrupted) << "the evaluation at the end is missing";
+    EXPECT_EQ(state(/*evaluates=*/false), RunPhase::finished);
     folder_.write("run/eval/step_000000050.csv", "");
-    EXPECT_EQ(state(), RunState::interrupted);
+    EXPECT_EQ(state(), RunPhase::interrupted);
     folder_.write("run/eval/step_000000104.csv", "");
-    EXPECT_EQ(state(), RunState::finished);
+    EXPECT_EQ(state(), RunPhase::finished);
     EXPECT_EQ(status().step, 104);
 }
 
@@ -65,10 +65,10 @@ TEST_F(RunFolder, ShowsTheNewestWholeRow) {
 TEST_F(RunFolder, RemembersWhyARunWasGivenUp) {
     folder_.write("run/config.yaml", "");
     remember_failure(folder_ / "run", "exit code 1: it broke");
-    EXPECT_EQ(state(), RunState::failed);
+    EXPECT_EQ(state(), RunPhase::failed);
     EXPECT_EQ(status().message, "exit code 1: it broke");
     forget_failure(folder_ / "run");
-    EXPECT_EQ(state(), RunState::waiting);
+    EXPECT_EQ(state(), RunPhase::waiting);
 }
 
 TEST_F(RunFolder, AFreshStartKeepsWhatTheRunSaid) {
@@ -99,7 +99,7 @@ TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {
         }
     }
     EXPECT_TRUE(RunClaim::is_taken(run)) << "the parent let go, the child did not";
-    EXPECT_EQ(state(), RunState::running);
+    EXPECT_EQ(state(), RunPhase::running);
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
     EXPECT_FALSE(RunClaim::is_taken(run)) << "the operating system took it back";

@@ -119,9 +119,9 @@ TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
     const test::TemporaryFolder folder;
     const auto command = [&](const std::string& name) {
         return fmt::format(
-            "{}/cale sweep {}/sweeps/smoke.yaml --dir {} --jobs 1 env.game=pong train.seed=1 "
-            "agent.encoder=phi_dqn train.total_steps=120 train.checkpoint_every=40 "
-            "env.max_frames_per_episode=200 eval.episodes=1 >> {} 2>&1",
+            "{}/cale sweep {}/sweeps/smoke.yaml --dir {} --jobs 1 --set env.game=pong --set train.seed=1 "
+            "--set agent.encoder=phi_dqn --set train.total_steps=120 --set train.checkpoint_every=40 "
+            "--set eval.episodes=1 >> {} 2>&1",
             CALE_BINARY_DIR, CALE_SOURCE_DIR, (folder / name).string(), (folder / "said").string());
     };
     ASSERT_EQ(answer_of(command("whole")).status, 0) << folder.read("said");

@@ -42,7 +42,7 @@ std::string value_of(const SweepRun& run, const std::string& key) {
     return found == run.settings.end() ? "" : found->value;
 }
 
-TEST_F(SweepFile, IsEveryCombinationTheFirstKeySlowest) {
+TEST_F(SweepFile, IsEveryCombinationTheFirstKeyOutermost) {
     EXPECT_THAT(names("agent: sac\n"
                       "grid:\n"
                       "  train.seed: 1..2\n"

@@ -17,11 +17,11 @@ RunRow row(const std::string& name, const RunStatus& status) {
 }
 
 std::vector<RunRow> some_rows() {
-    return {row("Pong__sac__1", {.state = RunState::finished, .step = 1000, .mean_return = -20.5}),
-            row("Pong__sac__2", {.state = RunState::running, .step = 400, .steps_per_second = 20}),
-            row("Pong__sac__3", {.state = RunState::running, .step = 200, .steps_per_second = 30}),
-            row("Pong__sac__4", {.state = RunState::interrupted, .step = 500}),
-            row("Pong__sac__5", {.state = RunState::failed, .step = 100, .message = "exit code 1: it broke"}),
+    return {row("Pong__sac__1", {.state = RunPhase::finished, .step = 1000, .mean_return = -20.5}),
+            row("Pong__sac__2", {.state = RunPhase::running, .step = 400, .steps_per_second = 20}),
+            row("Pong__sac__3", {.state = RunPhase::running, .step = 200, .steps_per_second = 30}),
+            row("Pong__sac__4", {.state = RunPhase::interrupted, .step = 500}),
+            row("Pong__sac__5", {.state = RunPhase::failed, .step = 100, .message = "exit code 1: it broke"}),
             row("Pong__sac__6", {})};
 }
 
@@ -29,7 +29,7 @@ TEST(SweepTable, SumsUpTheSweep) {
     // 600 + 800 + 500 + 1000 steps are left, at 50 a second; the failed run takes none of them.
     EXPECT_EQ(summary(some_rows()),
               "6 runs: 1 finished, 1 failed, 2 running, 1 interrupted, 1 waiting  |  50 steps/s, ETA 0:58");
-    EXPECT_EQ(summary(std::vector<RunRow>{row("a", {.state = RunState::finished, .step = 1000})}),
+    EXPECT_EQ(summary(std::vector<RunRow>{row("a", {.state = RunPhase::finished, .step = 1000})}),
               "1 run: 1 finished");
 }
 
