@@ -147,7 +147,7 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
         arguments.insert(arguments.end(), more.begin(), more.end());
         return train_sac(arguments);
     };
-    const auto other_game = resume({"env.game=pong", "agent.learning_rate=0.5"});
+    const auto other_game = resume({"env.game=breakout", "agent.learning_rate=0.5"});
     EXPECT_EQ(other_game.code, 3);
     EXPECT_THAT(other_game.stderr_text, testing::HasSubstr("cannot go on in another environment: env.game"));
     EXPECT_THAT(read_file(folder.path() / "metadata.json"),
