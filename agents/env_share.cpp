@@ -54,6 +54,7 @@ TensorMap joined_rollouts(const std::vector<TensorMap>& shares) {
     TensorMap whole;
     for (const auto* name : kByStepAndEnv) {
         std::vector<torch::Tensor> columns;
+        columns.reserve(shares.size());
         for (const auto& share : shares) columns.push_back(part(share, name, 2));
         whole[name] = torch::cat(columns, 1);
     }

@@ -194,6 +194,7 @@ void ProcessGroup::sum(const std::vector<torch::Tensor>& tensors) const {
     if (alone()) return;
     const torch::NoGradGuard no_grad;
     std::vector<torch::Tensor> flat;
+    flat.reserve(tensors.size());
     for (const auto& tensor : tensors) flat.push_back(tensor.reshape(-1));
     const auto message = torch::cat(flat);
     impl_->sum(message);
