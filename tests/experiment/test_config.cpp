@@ -304,7 +304,7 @@ TEST_F(Config, DuplicatesAreRefused) {
     EXPECT_EQ(load_error("fruit:\n  count: 5\nfruit:\n  ripe: no\n"),
               "x.yaml:3:1: 'fruit' is set a second time; line 1 has the first");
     EXPECT_EQ(load_error("fruit:\n  count: 5\n---\nfruit:\n  ripe: no\n"),
-              "x.yaml:4:1: a second YAML document ('---'); a file may hold one only");
+              "x.yaml:3:1: a second YAML document ('---'); a file may hold one only");
 }
 
 TEST_F(Config, SyntaxErrorsNameTheirPlace) {
