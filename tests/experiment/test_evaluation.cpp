@@ -165,7 +165,7 @@ TEST(EvaluationEmulator, FilmsTheGameThatIsAskedFor) {
     evaluate(decide, plan);
     EXPECT_GT(std::filesystem::file_size(plan.video), 1000u);
     const auto whole = std::filesystem::file_size(plan.video);
-    plan.film_minutes = 0.02;
+    plan.film_minutes = 0.005;
     evaluate(decide, plan);
     EXPECT_LT(std::filesystem::file_size(plan.video), whole / 2);
 }
