@@ -120,9 +120,8 @@ TEST_P(RawFramesEmulator, GiveTheReturnsOfAnEvaluation) {
     file.info.life_loss_ends_episode = env_config.terminal_on_life_loss;
     const auto contents = policy_file_contents(file);
     const auto policy = Policy::parse(contents);
-    constexpr int kSteps = 80;
 
-    // As an evaluation does it.
+    // As an evaluation does it: a whole game.
     std::vector<float> rewards;
     std::vector<Event> events;
     {
@@ -132,7 +131,7 @@ TEST_P(RawFramesEmulator, GiveTheReturnsOfAnEvaluation) {
         env.reset(frame);
         stack.push(0, frame);
         StepResult result;
-        for (int step = 0; step < kSteps && !result.episode_over; ++step) {
+        while (!result.episode_over) {
             result = env.step(policy.act(stack.data()).stick, frame);
             if (result.terminal || result.truncated) stack.clear(0);
             stack.push(0, frame);
