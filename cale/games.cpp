@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <numeric>
 #include <stdexcept>
 #include <string>
-#include <utility>
-#include <vector>
+
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -95,21 +94,6 @@ std::string canonical(std::string_view name) {
         if (c != '_') result += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     }
     return result;
-}
-
-// Levenshtein's distance: insertions, deletions and replacements that make one text the other.
-std::size_t edit_distance(std::string_view from, std::string_view to) {
-    std::vector<std::size_t> row(to.size() + 1);
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 0; i < from.size(); ++i) {
-        std::size_t diagonal = std::exchange(row[0], i + 1);
-        for (std::size_t j = 0; j < to.size(); ++j) {
-            const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
-            diagonal = row[j + 1];
-            row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
-        }
-    }
-    return row.back();
 }
 
 }  // namespace

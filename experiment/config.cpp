@@ -4,7 +4,6 @@
 #include <charconv>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <sstream>
 #include <system_error>
 
@@ -13,31 +12,11 @@
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
+#include "cale/text.h"
 #include "experiment/files.h"
 
 namespace cale {
 namespace {
-
-/// Levenshtein's distance, in which two swapped letters are one mistake.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-    std::vector<std::size_t> before(b.size() + 1);  // row i - 1
-    std::vector<std::size_t> row(b.size() + 1);     // row i
-    std::vector<std::size_t> next(b.size() + 1);    // row i + 1
-    std::iota(row.begin(), row.end(), std::size_t{0});
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        next[0] = i + 1;
-        for (std::size_t j = 0; j < b.size(); ++j) {
-            const std::size_t replaced = row[j] + (a[i] == b[j] ? 0 : 1);
-            next[j + 1] = std::min({replaced, next[j] + 1, row[j + 1] + 1});
-            if (i > 0 && j > 0 && a[i] == b[j - 1] && a[i - 1] == b[j]) {
-                next[j + 1] = std::min(next[j + 1], before[j - 1] + 1);
-            }
-        }
-        std::swap(before, row);
-        std::swap(row, next);
-    }
-    return row.back();
-}
 
 std::string_view section_of(std::string_view key) {
     return key.substr(0, key.find('.'));

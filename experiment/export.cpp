@@ -7,7 +7,8 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 #include <yaml-cpp/yaml.h>
 #include <nlohmann/json.hpp>
 
@@ -73,10 +74,10 @@ void describe(const PpoConfig& config, PolicyFile& policy) {
     policy.info.epsilon = evaluation_epsilon(config.exploration, config.epsilon);
 }
 
-void describe(const DqnConfig& config, PolicyFile& policy) {
+/// DQN and DER.
+void describe_values(const auto& config, PolicyFile& policy) {
     auto& network = policy.network;
     network.encoder = static_cast<PolicyNetwork::Encoder>(config.encoder);
-    network.padding = static_cast<PolicyNetwork::Padding>(config.padding);
     network.padding = static_cast<PolicyNetwork::Padding>(config.padding);
     network.branch = Branch::none;
     network.hidden_units = config.hidden_units;
@@ -85,18 +86,14 @@ void describe(const DqnConfig& config, PolicyFile& policy) {
     policy.info.epsilon = config.epsilon.epsilon_eval;
 }
 
+void describe(const DqnConfig& config, PolicyFile& policy) {
+    describe_values(config, policy);
+}
+
 void describe(const DerConfig& config, PolicyFile& policy) {
-    auto& network = policy.network;
-    network.encoder = static_cast<PolicyNetwork::Encoder>(config.encoder);
-    network.padding = static_cast<PolicyNetwork::Padding>(config.padding);
-    network.padding = static_cast<PolicyNetwork::Padding>(config.padding);
-    network.branch = Branch::none;
-    network.hidden_units = config.hidden_units;
-    network.head = Head::values;
-    network.dueling = config.dueling;
-    network.num_atoms = config.distributional ? config.num_atoms : 1;
-    network.value_limit = config.value_limit;
-    policy.info.epsilon = config.epsilon.epsilon_eval;
+    describe_values(config, policy);
+    policy.network.num_atoms = config.distributional ? config.num_atoms : 1;
+    policy.network.value_limit = config.value_limit;
 }
 
 void describe(const EnvConfig& env, PolicyFile& policy) {
@@ -121,13 +118,7 @@ void describe(const EnvConfig& env, PolicyFile& policy) {
 template <class AgentConfig>
 PolicyFile described(const fs::path& config_file) {
     RunConfig<AgentConfig> config;
-    config.env.action_space = AgentConfig::kActionSpace;
-    ConfigTable table;
-    table.add("env", config.env);
-    table.add("agent", config.agent);
-    table.add("train", config.train);
-    table.add("eval", config.eval);
-    table.add("log", config.log);
+    auto table = settings_of(config);
     table.load(config_file);
     PolicyFile policy;
     describe(config.env, policy);

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "cale/text.h"
 #include "experiment/files.h"
 
 namespace cale {
@@ -27,16 +28,6 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
         text.remove_prefix(end + 1);
     }
     return lines;
-}
-
-std::vector<std::string> split(std::string_view line) {
-    std::vector<std::string> cells;
-    for (auto comma = line.find(','); comma != line.npos; comma = line.find(',')) {
-        cells.emplace_back(line.substr(0, comma));
-        line.remove_prefix(comma + 1);
-    }
-    cells.emplace_back(line);
-    return cells;
 }
 
 /// How long the header and the first `rows` rows of progress.csv are.
@@ -76,7 +67,7 @@ ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::i
     : file_(path, rows ? std::optional(bytes_of_rows(path, *rows)) : std::nullopt), rows_(rows.value_or(0)) {
     if (rows_ == 0) return;
     const std::string text = read_file(path);
-    names_ = split(whole_lines(text).front());
+    names_ = split(whole_lines(text).front(), ',');
     names_.erase(names_.begin(), names_.begin() + kFixedColumns);
 }
 
@@ -121,7 +112,7 @@ std::map<std::string, std::vector<double>> read_progress(const std::filesystem::
     std::map<std::string, std::vector<double>> columns;
     std::vector<std::string> names;
     for (const auto line : whole_lines(text)) {
-        const auto cells = split(line);
+        const auto cells = split(line, ',');
         if (names.empty()) {
             names = cells;
             continue;

@@ -30,44 +30,33 @@ struct Program {
 /// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
 int run_program(const Program& program, int argc, const char* const* argv);
 
-/// All settings of a training program. The table refers to `config`. AgentConfig::kActionSpace is the action
-/// space that the environment has unless told otherwise.
+/// Whether an agent makes use of AgentSpec::processes: its settings say so by kSeveralProcesses.
 template <class AgentConfig>
-ConfigTable settings_of(RunConfig<AgentConfig>& config) {
-    config.env.action_space = AgentConfig::kActionSpace;
-    ConfigTable table;
-    table.add("env", config.env);
-    table.add("agent", config.agent);
-    table.add("train", config.train);
-    table.add("eval", config.eval);
-    table.add("log", config.log);
-    return table;
+constexpr bool trains_in_several_processes() {
+    if constexpr (requires { AgentConfig::kSeveralProcesses; }) return AgentConfig::kSeveralProcesses;
+    return false;
 }
 
-/// The main() of a training program in one call. AgentConfig::kSeveralProcesses, where it is there and true,
-/// says that the agent makes use of AgentSpec::processes.
+/// The main() of a training program in one call.
 template <class AgentConfig>
 int run_program(const std::string& agent_name, const std::string& description,
                 std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
                 const char* const* argv) {
     RunConfig<AgentConfig> config;
     ConfigTable table = settings_of(config);
-    return run_program(
-        Program{.name = "train_" + agent_name,
-                .agent_name = agent_name,
-                .description = description,
-                .table = table,
-                .env = config.env,
-                .train = config.train,
-                .eval = config.eval,
-                .log = config.log,
-                .make_agent = [&](const AgentSpec& spec) {
-        return make_agent(config.agent, spec); },
-                .several_processes = requires { requires AgentConfig::kSeveralProcesses;
-}
-}  // namespace cale
-,
-        argc, argv);
+    const Program program{
+        .name = "train_" + agent_name,
+        .agent_name = agent_name,
+        .description = description,
+        .table = table,
+        .env = config.env,
+        .train = config.train,
+        .eval = config.eval,
+        .log = config.log,
+        .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
+        .several_processes = trains_in_several_processes<AgentConfig>(),
+    };
+    return run_program(program, argc, argv);
 }
 
 }  // namespace cale

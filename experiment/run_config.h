@@ -6,6 +6,7 @@
 
 #include "cale/env.h"
 #include "cale/fields.h"
+#include "experiment/config.h"
 
 namespace cale {
 
@@ -73,5 +74,19 @@ struct RunConfig {
     EvalConfig eval;    // section eval
     LogConfig log;      // section log
 };
+
+/// All settings of a run. The table refers to `config`. AgentConfig::kActionSpace is the action
+/// space that the environment has unless told otherwise.
+template <class AgentConfig>
+ConfigTable settings_of(RunConfig<AgentConfig>& config) {
+    config.env.action_space = AgentConfig::kActionSpace;
+    ConfigTable table;
+    table.add("env", config.env);
+    table.add("agent", config.agent);
+    table.add("train", config.train);
+    table.add("eval", config.eval);
+    table.add("log", config.log);
+    return table;
+}
 
 }  // namespace cale

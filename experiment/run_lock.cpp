@@ -15,6 +15,8 @@
 namespace cale {
 namespace {
 
+constexpr const char* kFile = ".lock";
+
 /// Who holds the lock, as it wrote there: for the message only.
 std::string holder(int descriptor) {
     std::array<char, 32> text{};
@@ -28,7 +30,7 @@ std::string holder(int descriptor) {
 }  // namespace
 
 RunLock::RunLock(const std::filesystem::path& run_dir) {
-    const auto file = run_dir / ".lock";
+    const auto file = run_dir / kFile;
     descriptor_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     if (descriptor_ < 0) {
         throw std::system_error(errno, std::generic_category(),
@@ -50,6 +52,14 @@ RunLock::RunLock(const std::filesystem::path& run_dir) {
 
 RunLock::~RunLock() {
     ::close(descriptor_);
+}
+
+bool RunLock::is_taken(const std::filesystem::path& run_dir) {
+    const int descriptor = ::open((run_dir / kFile).c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return false;
+    const bool taken = ::flock(descriptor, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    ::close(descriptor);
+    return taken;
 }
 
 }  // namespace cale

@@ -16,6 +16,9 @@ class RunLock {
     RunLock(const RunLock&) = delete;
     RunLock& operator=(const RunLock&) = delete;
 
+    /// Whether a process that lives has locked the folder.
+    static bool is_taken(const std::filesystem::path& run_dir);
+
   private:
     int descriptor_;
 };

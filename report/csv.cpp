@@ -12,19 +12,10 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
-
-std::vector<std::string> split(std::string_view line) {
-    std::vector<std::string> cells;
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    for (auto comma = line.find(','); comma != line.npos; comma = line.find(',')) {
-        cells.emplace_back(line.substr(0, comma));
-        line.remove_prefix(comma + 1);
-    }
-    cells.emplace_back(line);
-    return cells;
-}
 
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
@@ -58,13 +49,14 @@ CsvTable read_csv(const std::filesystem::path& path) {
     CsvTable table{.path = path};
     std::size_t line_number = 0;
     for (std::size_t start = 0, end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
-        const auto line = std::string_view(text).substr(start, end - start);
+        auto line = std::string_view(text).substr(start, end - start);
+        if (line.ends_with('\r')) line.remove_suffix(1);
         ++line_number;
         if (line.starts_with('#')) {
             table.comment = line.substr(1);
             continue;
         }
-        auto cells = split(line);
+        auto cells = split(line, ',');
         if (table.columns.empty()) {
             table.columns = std::move(cells);
             continue;

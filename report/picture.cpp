@@ -3,16 +3,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <iterator>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string_view>
+
+#include "report/csv.h"
 
 namespace cale {
 namespace {
@@ -230,11 +229,7 @@ void write_picture(const Picture& picture, const std::filesystem::path& path) {
         throw std::invalid_argument(
             fmt::format("cannot draw {}: its name must end in .svg or .png", path.string()));
     }
-    std::ofstream file(path, std::ios::binary);
-    file << bytes;
-    file.close();
-    if (!file)
-        throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
+    write_text(path, bytes);
 }
 
 }  // namespace cale

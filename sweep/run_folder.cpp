@@ -13,10 +13,11 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <unistd.h>
 
+#include "cale/text.h"
 #include "experiment/files.h"
+#include "experiment/run_lock.h"
 #include "sweep/shell.h"
 
 namespace cale {
@@ -25,7 +26,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kClaim = ".claim";
-constexpr const char* kTrainLock = ".lock";  // of experiment/run_lock.h
 constexpr const char* kOutput = "output.log";
 constexpr const char* kFailure = "failure.txt";
 
@@ -46,18 +46,6 @@ std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view
     for (const auto& item : fs::directory_iterator(folder, ignored))
         newest = std::max(newest, step_in(item.path().filename(), ending));
     return newest;
-}
-
-std::vector<std::string> split(const std::string& line) {
-    std::vector<std::string> cells(1);
-    for (const char c : line) {
-        if (c == ',') {
-            cells.emplace_back();
-        } else {
-            cells.back() += c;
-        }
-    }
-    return cells;
 }
 
 /// The end of a file, which may be long.
@@ -81,8 +69,8 @@ void read_newest_report(const fs::path& file, RunStatus& status) {
     auto text = tail(file, 16'384);
     text.resize(text.rfind('\n') == text.npos ? 0 : text.rfind('\n'));  // a row under way does not count
     const auto row = text.substr(text.rfind('\n') + 1);
-    const auto names = split(header);
-    const auto cells = split(row);
+    const auto names = split(header, ',');
+    const auto cells = split(row, ',');
     if (row == header || cells.size() != names.size()) return;
     for (std::size_t i = 0; i < names.size(); ++i) {
         const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), nullptr);
@@ -98,15 +86,6 @@ struct flock whole_file(short type) {
     lock.l_type = type;
     lock.l_whence = SEEK_SET;
     return lock;
-}
-
-/// Whether a training program holds its lock, which a user may have started by hand.
-bool is_trained_in(const fs::path& folder) {
-    const int file = ::open((folder / kTrainLock).c_str(), O_RDONLY | O_CLOEXEC);
-    if (file < 0) return false;
-    const bool taken = ::flock(file, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-    ::close(file);
-    return taken;
 }
 
 }  // namespace
@@ -183,7 +162,7 @@ std::optional<RunClaim> RunClaim::take(const fs::path& folder) {
                                 fmt::format("cannot open '{}'", file.string()));
     auto all = whole_file(F_WRLCK);
     if (::fcntl(claim.descriptor_, F_OFD_SETLK, &all) == 0) {
-        if (is_trained_in(folder)) return std::nullopt;
+        if (RunLock::is_taken(folder)) return std::nullopt;
         return claim;
     }
     if (errno == EAGAIN || errno == EACCES) return std::nullopt;
@@ -200,7 +179,7 @@ bool RunClaim::is_taken(const fs::path& folder) {
         // question.
         if (answered && all.l_type != F_UNLCK) return true;
     }
-    return is_trained_in(folder);
+    return RunLock::is_taken(folder);
 }
 
 RunClaim::RunClaim(RunClaim&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}

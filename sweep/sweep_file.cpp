@@ -11,6 +11,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "experiment/config.h"
 #include "experiment/files.h"
 #include "sweep/grid.h"
@@ -25,16 +26,6 @@ struct Contents {
     Grid grid{};
     std::vector<Grid> variants{};
 };
-
-std::vector<std::string> split(std::string_view text, char separator) {
-    std::vector<std::string> parts;
-    for (auto at = text.find(separator); at != text.npos; at = text.find(separator)) {
-        parts.emplace_back(text.substr(0, at));
-        text.remove_prefix(at + 1);
-    }
-    parts.emplace_back(text);
-    return parts;
-}
 
 bool is_key(std::string_view key) {
     const auto dot = key.find('.');

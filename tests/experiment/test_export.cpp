@@ -9,7 +9,7 @@
 #include <functional>
 #include <memory>
 
-#include <torch/torch.h>
+#include <torch/types.h>
 #include <nlohmann/json.hpp>
 
 #include "agents/der.h"
@@ -49,17 +49,12 @@ Case make_case(const std::string& name, const std::string& agent, AgentConfig ag
     if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
     const auto yaml = [agent_config, action_space] {
         RunConfig<AgentConfig> config;
+        auto table = settings_of(config);
         config.env = protocol_atari100k("breakout");
         config.agent = agent_config;
         config.env.action_space = action_space;
         config.env.threshold = 0.25;
         config.env.rom_dir = "/somebody/roms";
-        ConfigTable table;
-        table.add("env", config.env);
-        table.add("agent", config.agent);
-        table.add("train", config.train);
-        table.add("eval", config.eval);
-        table.add("log", config.log);
         return table.to_yaml();
     };
     return {name, agent, [agent_config, make](const AgentSpec& spec) { return make(agent_config, spec); },
