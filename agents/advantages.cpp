@@ -1,6 +1,6 @@
 #include "agents/advantages.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "networks/shapes.h"
 

@@ -1,6 +1,7 @@
 #include "agents/der.h"
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/captured_update.h"
 #include "agents/random.h"

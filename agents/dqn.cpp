@@ -3,7 +3,8 @@
 #include <array>
 #include <stdexcept>
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/captured_update.h"
 #include "agents/random.h"

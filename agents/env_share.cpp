@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace cale {
 namespace {

@@ -8,7 +8,8 @@
 #include <string>
 #include <utility>
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/advantages.h"
 #include "agents/captured_update.h"

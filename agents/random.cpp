@@ -6,7 +6,7 @@
 #include <string>
 
 #include <ATen/CPUGeneratorImpl.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace cale {
 

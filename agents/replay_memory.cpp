@@ -7,7 +7,7 @@
 
 #include <c10/core/impl/VirtualGuardImpl.h>
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "replay/rewards.h"
 

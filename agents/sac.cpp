@@ -6,7 +6,8 @@
 #include <string>
 #include <utility>
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/captured_update.h"
 #include "agents/random.h"

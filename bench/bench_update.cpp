@@ -6,7 +6,7 @@
 
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "agents/der.h"
 #include "agents/dqn.h"

@@ -1,7 +1,9 @@
 # How every library, program and test of this project is compiled.
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-    set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE_PROGRAM})
+    # Precompiled headers: ccache asks for these two to be waived.
+    set(CMAKE_CXX_COMPILER_LAUNCHER
+        ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE_PROGRAM})
 endif()
 find_program(MOLD_PROGRAM mold)
 
@@ -75,22 +77,34 @@ function(cale_install_library target component)
     set_property(GLOBAL APPEND PROPERTY CALE_HEADERS_${component} ${headers})
 endfunction()
 
-# <torch/torch.h> costs 27 s in every file that includes it. It is compiled once.
+# What most files include of LibTorch is compiled once. Not <torch/torch.h>: GCC instantiates the templates that its
+# modules use again in every file, precompiled or not, at 4 s each.
+set(CALE_TORCH_HEADERS <torch/types.h> <torch/utils.h> <torch/nn/module.h> <torch/nn/pimpl.h>)
 function(cale_use_torch_headers target)
     if(NOT TARGET cale_torch_headers)
-        file(WRITE ${PROJECT_BINARY_DIR}/torch_headers.cpp "// Carries the precompiled header.\n")
-        add_library(cale_torch_headers OBJECT ${PROJECT_BINARY_DIR}/torch_headers.cpp)
-        target_compile_features(cale_torch_headers PUBLIC cxx_std_20)
-        target_link_libraries(cale_torch_headers PRIVATE LibTorch::LibTorch cale_options)
-        target_precompile_headers(cale_torch_headers PRIVATE <torch/torch.h>)
+        cale_precompile(cale_torch_headers LIBRARIES LibTorch::LibTorch cale_options HEADERS ${CALE_TORCH_HEADERS})
     endif()
+    cale_reuse_precompiled(${target} cale_torch_headers)
+endfunction()
+
+# A target that carries a precompiled header and nothing else.
+function(cale_precompile name)
+    cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "LIBRARIES;HEADERS")
+    file(WRITE ${PROJECT_BINARY_DIR}/${name}.cpp "// Carries a precompiled header.\n")
+    add_library(${name} OBJECT ${PROJECT_BINARY_DIR}/${name}.cpp)
+    target_compile_features(${name} PUBLIC cxx_std_20)
+    target_link_libraries(${name} PRIVATE ${arg_LIBRARIES})
+    target_precompile_headers(${name} PRIVATE ${arg_HEADERS})
+endfunction()
+
+function(cale_reuse_precompiled target carrier)
     # The header is compiled with -fPIC; the -fPIE of an executable would not match it.
     get_target_property(type ${target} TYPE)
     if(type STREQUAL EXECUTABLE)
         set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
         target_compile_options(${target} PRIVATE -fPIC)
     endif()
-    target_precompile_headers(${target} REUSE_FROM cale_torch_headers)
+    target_precompile_headers(${target} REUSE_FROM ${carrier})
 endfunction()
 
 # build/bin/train_NAME: a main() around make_NAME() of agents/NAME.h, or of HEADER with its own SOURCES.

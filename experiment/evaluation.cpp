@@ -9,7 +9,7 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "cale/games.h"
 #include "experiment/files.h"

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "experiment/evaluation.h"
 #include "experiment/seeds.h"

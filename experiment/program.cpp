@@ -15,7 +15,8 @@
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/cuda.h>
+#include <torch/types.h>
 #include <nlohmann/json.hpp>
 
 #include "cale/games.h"

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "agents/time_split.h"
 #include "cale/games.h"

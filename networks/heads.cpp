@@ -7,7 +7,9 @@
 #include <string>
 #include <utility>
 
-#include <torch/torch.h>
+#include <torch/nn/init.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
 
 namespace cale {
 

@@ -4,7 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 namespace cale {
 

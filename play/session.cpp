@@ -7,7 +7,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
 
 #include "cale/games.h"
 #include "experiment/seeds.h"

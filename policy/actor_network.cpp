@@ -1,6 +1,9 @@
 #include "policy/actor_network.h"
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/normalization.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 namespace cale {
 namespace {

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include <c10/core/impl/VirtualGuardImpl.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 namespace cale {
 namespace {

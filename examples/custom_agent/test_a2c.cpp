@@ -2,7 +2,6 @@
 #include "examples/custom_agent/a2c.h"
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include "agents/agent_worlds.h"
 

@@ -1,6 +1,7 @@
 // DQN against the numbers of Dopamine's dqn_agent.train.
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/dqn.h"
 #include "agents/random.h"

@@ -3,7 +3,8 @@
 #include <numbers>
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "agents/advantages.h"
 #include "agents/ppo.h"

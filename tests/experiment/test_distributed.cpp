@@ -13,7 +13,7 @@
 #include <sys/types.h>
 
 #include <fmt/format.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "experiment/checkpoint.h"
 #include "experiment/files.h"

@@ -1,7 +1,6 @@
 #include <array>
 
 #include <gtest/gtest.h>
-#include <torch/torch.h>
 
 #include "experiment/threads.h"
 

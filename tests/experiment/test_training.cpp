@@ -11,7 +11,7 @@
 #include <random>
 #include <sstream>
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "agents/sac.h"
 #include "experiment/checkpoint.h"

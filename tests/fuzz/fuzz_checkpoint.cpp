@@ -7,7 +7,6 @@
 #include <vector>
 
 #include <ATen/Parallel.h>
-#include <torch/torch.h>
 
 #include "agents/dqn.h"
 #include "experiment/checkpoint.h"

@@ -1,5 +1,4 @@
 // Named tensors: the reader that copies, and the one that does not.
-#include <torch/torch.h>
 
 #include "fuzz.h"
 #include "policy/safetensors.h"

@@ -5,7 +5,9 @@
 
 #include <thread>
 
-#include <torch/torch.h>
+#include <torch/nn/module.h>
+#include <torch/types.h>
+#include <torch/utils.h>
 
 #include "networks/actor_critic.h"
 #include "networks/ppo_network.h"

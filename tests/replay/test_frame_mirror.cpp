@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "experiment/temporary_folder.h"
 #include "numbered_frames.h"
