@@ -81,22 +81,30 @@ void require_size(std::size_t size, std::size_t expected, const char* what) {
 
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : envs(seeds.size()), errors(seeds.size()), team(static_cast<int>(threads(config))) {
+        : envs(seeds.size()),
+          errors(seeds.size()),
+          team(static_cast<int>(threads(config))),
+          shares(static_cast<std::size_t>(team.size())) {
         for_each_env([&](std::size_t i) { envs[i].emplace(config, seeds[i]); });
     }
 
-    // Calls work(i) for every environment, each on the thread that it belongs to. When all
-    // are done, throws what the first of those that threw had thrown.
+    // Calls work(i) for every environment. Each has a thread whose caches know it; a thread that is done with
+    // its own helps the others, which may have slower cores or games to start. When all are done, throws what
+    // the first of those that threw had thrown.
     template <class Work>
     void for_each_env(const Work& work) {
-        const auto members = static_cast<std::size_t>(team.size());
+        const auto members = shares.size();
+        for (std::size_t m = 0; m < members; ++m) shares[m].next = envs.size() * m / members;
         const auto share = [&](int member) {
-            const auto m = static_cast<std::size_t>(member);
-            for (std::size_t i = envs.size() * m / members; i < envs.size() * (m + 1) / members; ++i) {
-                try {
-                    work(i);
-                } catch (...) {
-                    errors[i] = std::current_exception();
+            for (std::size_t k = 0; k < members; ++k) {
+                const auto m = (static_cast<std::size_t>(member) + k) % members;
+                const auto end = envs.size() * (m + 1) / members;
+                for (std::size_t i = 0; (i = shares[m].next.fetch_add(1, std::memory_order_relaxed)) < end;) {
+                    try {
+                        work(i);
+                    } catch (...) {
+                        errors[i] = std::current_exception();
+                    }
                 }
             }
         };
@@ -129,6 +137,10 @@ struct VectorEnv::Impl {
     std::vector<std::optional<Env>> envs;  // empty only until their threads have made them
     std::vector<std::exception_ptr> errors;
     ThreadTeam team;
+    struct alignas(64) Share {
+        std::atomic<std::size_t> next = 0;  // the first of its environments that nobody has taken yet
+    };
+    std::vector<Share> shares;
 };
 
 VectorEnv::VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds) {

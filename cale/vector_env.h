@@ -16,9 +16,9 @@
 
 namespace cale {
 
-/// Environments are dealt to threads once and stay there. Results come in the order
-/// of the environments and do not depend on the number of threads. An environment
-/// whose episode ended is reset within the same step.
+/// Every environment has a thread, which another one helps when it is done with its own. Results come in the
+/// order of the environments and do not depend on who stepped them. An environment whose episode ended is
+/// reset within the same step.
 ///
 /// All memory is the caller's, who may use the same in every step, and no step allocates any but those in
 /// which an episode ends. One thread at a time may call an object.
