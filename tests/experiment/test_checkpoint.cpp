@@ -8,6 +8,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/fsuid.h>
 #include <sys/stat.h>
 #include <torch/types.h>
 
@@ -213,6 +214,40 @@ TEST_F(Checkpoints, AFullDiskIsReportedAndLeavesTheOthersAsTheyAre) {
     EXPECT_EQ(list_checkpoints(run).size(), 2u);
     EXPECT_EQ(load().state.step, 110);
     EXPECT_NO_THROW(write_at(130)) << "there is room again";
+}
+
+/// While it lives nothing can be added to the folder, by root neither: files are touched with nobody's
+/// rights.
+class ReadOnly {
+  public:
+    explicit ReadOnly(fs::path folder) : folder_(std::move(folder)), before_(::setfsuid(65534)) {
+        ::chmod(folder_.c_str(), 0555);
+    }
+    ~ReadOnly() {
+        ::setfsuid(static_cast<uid_t>(before_));
+        ::chmod(folder_.c_str(), 0755);
+    }
+    ReadOnly(const ReadOnly&) = delete;
+    ReadOnly& operator=(const ReadOnly&) = delete;
+
+  private:
+    fs::path folder_;
+    int before_;
+};
+
+TEST_F(Checkpoints, AReadOnlyFolderIsReportedAndTheOthersStay) {
+    write_at(100);
+    ::chmod(run.c_str(), 0755);  // so that nobody can look into it
+    for (int i = 0; i < 10; ++i) agent.step();
+    {
+        const ReadOnly checkpoints(run / "checkpoints");
+        writer.start(snapshot());
+        EXPECT_THAT([&] { writer.finish(); },
+                    ThrowsMessage<std::runtime_error>(
+                        AllOf(HasSubstr("step_000000110"), HasSubstr("Permission denied"))));
+    }
+    EXPECT_EQ(load().state.step, 100);
+    EXPECT_NO_THROW(write_at(120)) << "the folder can be written again";
 }
 
 TEST_F(Checkpoints, ADeletedFolderIsReported) {
