@@ -13,14 +13,13 @@
 namespace cale {
 namespace {
 
-// A fixed number of threads that do one task together, again and again. A team of one
-// has no thread: the caller does the work.
+// A fixed number of threads that do one task together, again and again. The caller's is one of them, so that
+// one fewer has to be woken.
 class ThreadTeam {
   public:
     explicit ThreadTeam(int size) : size_(size) {
-        if (size == 1) return;
         try {
-            for (int member = 0; member < size; ++member)
+            for (int member = 1; member < size; ++member)
                 threads_.emplace_back([this, member] { serve(member); });
         } catch (...) {
             dismiss();
@@ -36,11 +35,11 @@ class ThreadTeam {
     // Calls task(0) ... task(size - 1), each on its thread, and returns when all have.
     // The task must not throw.
     void run(const std::function<void(int)>& task) {
-        if (threads_.empty()) return task(0);
         task_ = &task;
-        busy_.store(size_, std::memory_order_relaxed);
+        busy_.store(size_ - 1, std::memory_order_relaxed);
         next_round();
-        for (int busy = size_; busy != 0; busy = busy_.load(std::memory_order_acquire)) busy_.wait(busy);
+        task(0);
+        for (int busy = 0; (busy = busy_.load(std::memory_order_acquire)) != 0;) busy_.wait(busy);
     }
 
   private:

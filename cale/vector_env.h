@@ -31,7 +31,7 @@ class VectorEnv {
     VectorEnv(VectorEnv&&) noexcept;
     VectorEnv& operator=(VectorEnv&&) noexcept;
 
-    /// How many threads step the environments of such a configuration; with one it is the caller's.
+    /// How many threads step the environments of such a configuration, the caller's included.
     static std::int64_t threads(const EnvConfig& config);
 
     std::int64_t size() const;  // how many environments
