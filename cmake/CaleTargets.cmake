@@ -90,7 +90,7 @@ endfunction()
 # A target that carries a precompiled header and nothing else.
 function(cale_precompile name)
     cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "LIBRARIES;HEADERS")
-    file(WRITE ${PROJECT_BINARY_DIR}/${name}.cpp "// Carries a precompiled header.\n")
+    file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/${name}.cpp CONTENT "// Carries a precompiled header.\n")
     add_library(${name} OBJECT ${PROJECT_BINARY_DIR}/${name}.cpp)
     target_compile_features(${name} PUBLIC cxx_std_20)
     target_link_libraries(${name} PRIVATE ${arg_LIBRARIES})

@@ -170,9 +170,9 @@ torch::Tensor parameter_of(const TensorMap& state, const std::string& name) {
         const auto found = state.find("network/" + key);
         return found == state.end() ? torch::Tensor() : found->second;
     };
-    if (const auto tensor = find(name); tensor.defined()) return tensor;
+    if (auto tensor = find(name); tensor.defined()) return tensor;
     // Noisy layers act by their means in evaluation.
-    if (const auto mean = find(name + "_mu"); mean.defined()) return mean;
+    if (auto mean = find(name + "_mu"); mean.defined()) return mean;
     // PPO's log standard deviations as released are a sum (LogStd::summed).
     const auto weight = find(name + ".weight"), bias = find(name + ".bias");
     if (weight.defined() && bias.defined()) return weight.sum(1) + bias;

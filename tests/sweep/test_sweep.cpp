@@ -90,7 +90,9 @@ TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
 
 std::vector<fs::path> shipped_sweeps() {
     std::vector<fs::path> found;
-    for (const auto& entry : fs::directory_iterator(CALE_SOURCE_DIR "/sweeps")) found.push_back(entry.path());
+    for (const auto& entry : fs::recursive_directory_iterator(CALE_SOURCE_DIR "/sweeps")) {
+        if (entry.is_regular_file()) found.push_back(entry.path());
+    }
     std::sort(found.begin(), found.end());
     return found;
 }

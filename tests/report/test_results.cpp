@@ -1,0 +1,134 @@
+// The tables of docs/results.md say what the CSV files beside it say.
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cale/text.h"
+#include "report/csv.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+const fs::path kDocs = CALE_SOURCE_DIR "/docs";
+
+/// A table in Markdown behind a line "<!-- FILE.csv -->". Columns that the file has are checked against it;
+/// in the others stands what is said about them. Of a table with a column "gate" each row is the file's first
+/// whose "mean" reaches the gate.
+struct PrintedTable {
+    fs::path csv{};
+    std::vector<std::string> columns{};
+    std::vector<std::vector<std::string>> rows{};
+};
+
+std::vector<std::string> cells_of(std::string_view line) {
+    auto cells = split(line.substr(1, line.rfind('|') - 1), '|');
+    for (auto& cell : cells) {
+        cell.erase(0, cell.find_first_not_of(' '));
+        cell.erase(cell.find_last_not_of(' ') + 1);
+    }
+    return cells;
+}
+
+std::vector<PrintedTable> printed_tables(const fs::path& page) {
+    std::vector<PrintedTable> tables;
+    std::ifstream file(page);
+    bool under_way = false;
+    for (std::string line; std::getline(file, line);) {
+        if (line.starts_with("<!-- ") && line.ends_with(".csv -->")) {
+            tables.push_back({.csv = kDocs / line.substr(5, line.size() - 9)});
+            under_way = true;
+        } else if (under_way && line.starts_with('|')) {
+            auto& table = tables.back();
+            if (table.columns.empty()) {
+                table.columns = cells_of(line);
+            } else if (!line.starts_with("|-")) {
+                table.rows.push_back(cells_of(line));
+            }
+        } else if (under_way && !line.empty()) {
+            under_way = false;
+        }
+    }
+    return tables;
+}
+
+std::optional<double> as_number(std::string text) {
+    std::erase(text, ',');
+    double value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+    return value;
+}
+
+/// Words are equal; numbers are after rounding to as many digits as were printed.
+bool agree(const std::string& printed, const std::string& stored) {
+    const auto a = as_number(printed), b = as_number(stored);
+    if (!a || !b) return printed == stored;
+    const auto point = printed.find('.');
+    const auto digits = point == printed.npos ? 0.0 : static_cast<double>(printed.size() - point - 1);
+    return std::abs(*a - *b) <= 0.5000001 * std::pow(10.0, -digits);
+}
+
+/// What a printed row says and the file does not; empty if it says the same.
+std::string difference(const PrintedTable& table, const std::vector<std::string>& row, const CsvTable& csv) {
+    if (row.size() != table.columns.size()) return "has another number of cells than its header";
+    const auto gate = std::ranges::find(table.columns, "gate") - table.columns.begin();
+    const bool has_gate = gate < std::ssize(table.columns);
+    std::size_t checked = 0;
+    for (std::size_t i = 0; i < csv.rows.size(); ++i) {
+        bool same_words = true, same_numbers = true;
+        checked = 0;
+        for (std::size_t j = 0; j < row.size(); ++j) {
+            const auto column = csv.find(table.columns[j]);
+            if (!column) continue;
+            ++checked;
+            const bool same = agree(row[j], csv.rows[i][*column]);
+            (as_number(row[j]) ? same_numbers : same_words) &= same;
+        }
+        if (!same_words) continue;
+        if (!has_gate && same_numbers) return checked < 2 ? "has nothing to check" : "";
+        if (has_gate && csv.number(i, *csv.find("mean")) >= *as_number(row[static_cast<std::size_t>(gate)]))
+            return same_numbers ? "" : fmt::format("the file says: {}", fmt::join(csv.rows[i], ","));
+    }
+    return "no row of the file says so";
+}
+
+TEST(Results, TheTablesSayWhatTheFilesSay) {
+    const auto tables = printed_tables(kDocs / "results.md");
+    EXPECT_THAT(tables, testing::Not(testing::IsEmpty()));
+    for (const auto& table : tables) {
+        const auto csv = read_csv(table.csv);
+        EXPECT_THAT(table.rows, testing::Not(testing::IsEmpty())) << table.csv;
+        for (const auto& row : table.rows)
+            EXPECT_EQ(difference(table, row, csv), "")
+                << table.csv << ": " << fmt::format("{}", fmt::join(row, " | "));
+    }
+}
+
+TEST(Results, WhatTheFilesDoNotSayIsFound) {
+    const CsvTable csv{.columns = {"game", "step", "mean"},
+                       .rows = {{"Pong", "100", "-20.96"}, {"Pong", "200", "-9.5"}, {"Pong", "300", "-3"}},
+                       .lines = {2, 3, 4}};
+    const PrintedTable scores{.columns = {"game", "mean", "of whom"}};
+    EXPECT_EQ(difference(scores, {"Pong", "-21.0", "us"}, csv), "");
+    EXPECT_NE(difference(scores, {"Pong", "-20.9", "us"}, csv), "");
+    EXPECT_NE(difference(scores, {"Boxing", "-21.0", "us"}, csv), "");
+    const PrintedTable gates{.columns = {"game", "gate", "step"}};
+    EXPECT_EQ(difference(gates, {"Pong", "-10", "200"}, csv), "");
+    EXPECT_NE(difference(gates, {"Pong", "-10", "300"}, csv), "");
+    EXPECT_NE(difference(gates, {"Pong", "0", "300"}, csv), "");
+}
+
+}  // namespace
+}  // namespace cale
