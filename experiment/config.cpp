@@ -218,13 +218,13 @@ std::string quoted(const std::string& text) {
 // ---- keys ---------------------------------------------------------------------------
 
 std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
-    std::vector<std::string> keys;
-    for (const auto& entry : entries) keys.push_back(entry.key);
+    std::vector<std::string> keys(entries.size());
+    std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
     auto guess = nearest(key, keys);
     if (guess.empty()) {
         // The right name in the wrong section, or without one.
-        std::vector<std::string> names;
-        for (const auto& candidate : keys) names.emplace_back(name_of(candidate));
+        std::vector<std::string> names(keys.size());
+        std::ranges::transform(keys, names.begin(), name_of);
         const auto name = nearest(name_of(key), names);
         const auto found = std::find(names.begin(), names.end(), name);
         if (found != names.end()) guess = keys[static_cast<std::size_t>(found - names.begin())];

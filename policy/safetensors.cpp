@@ -54,7 +54,7 @@ SafetensorsPieces safetensors_pieces(const TensorMap& tensors,
     std::vector<Item> items;
     for (const auto& [name, tensor] : tensors) {
         const auto reject = [&, &name = name](const std::string& why) {
-            throw std::invalid_argument("tensor '" + name + "' " + why);
+            throw std::invalid_argument(std::string("tensor '").append(name).append("' ").append(why));
         };
         if (name == "__metadata__") reject("has the name that the format keeps for metadata");
         if (!tensor.defined()) reject("is undefined");
