@@ -197,4 +197,4 @@ with open(options.csv, "w", newline="") as file:
     writer = csv.DictWriter(file, rows[0])
     writer.writeheader()
     writer.writerows(rows)
-print(f"\nAll rows: {options.csv}. Picture: bench/plot {options.csv} docs/performance.svg")
+print(f"\nAll rows: {options.csv}. Picture: bench/plot {options.csv} build/performance.svg")

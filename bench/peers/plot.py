@@ -18,6 +18,7 @@ def label(row):
     if row["section"] == "env":
         return row["encoder"] + (", async" if row["peer"].endswith("async") else "")
     smaller = row["peer"].endswith("nature") and row["encoder"] != "nature"
+    smaller |= row["agent"] == "ppo" and row["peer"] == "sb3 phi_dqn"  # one dense layer for actor and critic, not two
     return f"{NAMES[row['agent']]} {NAMES[row['encoder']]}" + ("*" if smaller else "")
 
 
