@@ -220,8 +220,9 @@ TEST_F(Checkpoints, AFullDiskIsReportedAndLeavesTheOthersAsTheyAre) {
 /// rights.
 class ReadOnly {
   public:
-    explicit ReadOnly(fs::path folder) : folder_(std::move(folder)), before_(::setfsuid(65534)) {
-        ::chmod(folder_.c_str(), 0555);
+    explicit ReadOnly(fs::path folder) : folder_(std::move(folder)) {
+        ::chmod(folder_.c_str(), 0555);  // while its owner still may
+        before_ = ::setfsuid(65534);
     }
     ~ReadOnly() {
         ::setfsuid(static_cast<uid_t>(before_));
@@ -232,7 +233,7 @@ class ReadOnly {
 
   private:
     fs::path folder_;
-    int before_;
+    int before_ = 0;
 };
 
 TEST_F(Checkpoints, AReadOnlyFolderIsReportedAndTheOthersStay) {
