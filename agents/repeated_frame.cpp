@@ -8,9 +8,12 @@
 namespace cale {
 
 void RepeatedFrame::remember(std::span<const std::uint8_t> frame, const StepResult& result) {
+    if (result.terminal || result.truncated) {
+        repeated_ = torch::Tensor();
+        return;  // the reference learns of a frame when it sees the next one, which does not come
+    }
     previous_ = torch::empty({static_cast<std::int64_t>(frame.size())}, torch::kUInt8);
     std::copy(frame.begin(), frame.end(), previous_.data_ptr<std::uint8_t>());
-    if (result.terminal || result.truncated) repeated_ = torch::Tensor();
 }
 
 void RepeatedFrame::push() {

@@ -189,9 +189,9 @@ void Rollout::add_by_dopamines_rule(const torch::Tensor& chosen, float scaled_re
             elements_.push_back(std::move(element));
             return;
         }
-        // An episode's end may store more than fits: the reference's ring drops its oldest element and moves
-        // its newest into the gap, so that the surplus comes to lie in front.
-        elements_[surplus_++] = std::exchange(elements_.back(), std::move(element));
+        // An episode's end may store more than fits: the reference drops its oldest element and moves the one
+        // that has just come into the gap, so that the surplus comes to lie in front.
+        elements_[surplus_++] = std::move(element);
     });
     steps = static_cast<std::int64_t>(elements_.size());
     if (full()) lay_out_elements();

@@ -51,5 +51,14 @@ TEST(RepeatedFrame, ANewEpisodeForgetsIt) {
     EXPECT_EQ(seen(repeated, 11), (Frames{8, 9, 10, 11}));
 }
 
+TEST(RepeatedFrame, AnUpdateAtTheStartOfAnEpisodeRepeatsTheFrameBeforeTheOneThatItEndedOn) {
+    RepeatedFrame repeated;
+    step(repeated, 9);
+    step(repeated, 10);
+    step(repeated, 11, /*terminal=*/true);
+    repeated.push();
+    EXPECT_EQ(seen(repeated, 30), (Frames{28, 29, 30, 10}));
+}
+
 }  // namespace
 }  // namespace cale

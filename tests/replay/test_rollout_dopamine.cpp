@@ -67,14 +67,21 @@ TEST(RolloutByDopaminesRule, LosesTheLastRewardAndRepeatsTheStepBefore) {
 }
 
 TEST(RolloutByDopaminesRule, WhatDoesNotFitComesToLieInFront) {
-    EXPECT_EQ(states(seven_steps(8)), (States{{0, 0, 5, 6},
+    EXPECT_EQ(states(seven_steps(8)), (States{{0, 0, 0, 6},
                                               {0, 0, 1, 2},
                                               {0, 1, 2, 3},
                                               {1, 2, 3, 4},
                                               {2, 3, 4, 5},
                                               {3, 4, 5, 6},
                                               {0, 4, 5, 6},
-                                              {0, 0, 0, 6}}));
+                                              {0, 0, 5, 6}}));
+    EXPECT_EQ(states(seven_steps(7)), (States{{0, 0, 5, 6},
+                                              {0, 0, 0, 6},
+                                              {0, 1, 2, 3},
+                                              {1, 2, 3, 4},
+                                              {2, 3, 4, 5},
+                                              {3, 4, 5, 6},
+                                              {0, 4, 5, 6}}));
 }
 
 TEST(RolloutByDopaminesRule, IsForOneEnvironment) {
