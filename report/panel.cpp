@@ -56,8 +56,9 @@ std::vector<std::string> tick_texts(const std::vector<double>& ticks) {
 Interval room_for(std::span<const double> values) {
     if (values.empty()) return {};
     auto [low, high] = std::minmax_element(values.begin(), values.end());
-    const double span = *high - *low;
-    const double room = span > 0 ? 0.05 * span : std::max(1.0, 0.1 * std::abs(*low));
+    const double span = *high - *low, size = std::max(std::abs(*low), std::abs(*high));
+    // Means of equal numbers may differ in their last digits.
+    const double room = span > 1e-9 * size ? 0.05 * span : std::max(1.0, 0.1 * size);
     return {*low - room, *high + room};
 }
 
