@@ -287,16 +287,13 @@ void write_evaluation(const std::filesystem::path& csv, const Evaluation& evalua
         const auto& game = evaluation.games[i];
         games += fmt::format("{},{},{},{}\n", i, game.episode_return, game.length, game.frames);
     }
-    std::string events = "event,count\n";
-    for (std::size_t i = 0; i < kEventCount; ++i)
-        events += fmt::format("{},{}\n", event_name(static_cast<Event>(i)), evaluation.events[i]);
     std::string rewards = "quantile,reward\n";
     for (int percent = 0; percent <= 100; ++percent) {
         const double quantile = percent / 100.0;
         rewards += fmt::format("{},{}\n", quantile, reward_quantile(evaluation.rewards, quantile));
     }
     std::filesystem::create_directories(csv.parent_path());
-    write_file_atomically(beside("events"), events);
+    write_file_atomically(beside("events"), event_table(evaluation.events));
     write_file_atomically(beside("rewards"), rewards);
     write_file_atomically(csv, games);
 }

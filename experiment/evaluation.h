@@ -1,7 +1,6 @@
 // Games played without learning: by an agent in training, and by a policy for `cale evaluate`.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -15,6 +14,7 @@
 #include "agents/agent.h"
 #include "cale/env.h"
 #include "cale/frames.h"
+#include "experiment/event_counts.h"
 #include "experiment/run_config.h"
 
 namespace cale {
@@ -33,13 +33,13 @@ struct EvaluatedGame {
     double episode_return = 0;  // undiscounted, neither clipped nor scaled
     std::int64_t length = 0;    // agent steps
     std::int64_t frames = 0;
-    std::array<std::int64_t, kEventCount> events{};  // how often each joystick event was asked for
-    std::map<float, std::int64_t> rewards{};         // how often an agent step brought which reward
+    EventCounts events{};                     // how often each joystick event was asked for
+    std::map<float, std::int64_t> rewards{};  // how often an agent step brought which reward
 };
 
 struct Evaluation {
-    std::vector<EvaluatedGame> games;                // by their numbers
-    std::array<std::int64_t, kEventCount> events{};  // the sums over the games
+    std::vector<EvaluatedGame> games;  // by their numbers
+    EventCounts events{};              // the sums over the games
     std::map<float, std::int64_t> rewards{};
     double mean_return = 0;
     double standard_deviation = 0;  // of the returns, divided by n

@@ -20,7 +20,7 @@ std::string provenance(const PolicyInfo& policy, const std::string& name) {
 }
 
 /// "NOOP 61.2%, FIRE 20.1%, ...": the commonest first, those that never happened left out.
-std::string event_shares(const std::array<std::int64_t, kEventCount>& events) {
+std::string event_shares(const EventCounts& events) {
     std::array<std::size_t, kEventCount> order{};
     std::iota(order.begin(), order.end(), std::size_t{0});
     std::ranges::stable_sort(order, std::greater(), [&](std::size_t event) { return events[event]; });

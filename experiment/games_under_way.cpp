@@ -31,15 +31,18 @@ EnvConfig share_of(const EnvConfig& config, const ProcessGroup& processes) {
         config.num_envs, processes.size()));
 }
 
-/// What meet() tells of the results [steps x N]: reward, episode over, truncated, frames.
+constexpr std::int64_t kTold = 5;
+/// What meet() tells of the results [steps x N]: reward, episode over, truncated, frames,
+/// event.
 torch::Tensor told(std::span<const StepResult> results) {
-    auto rows = torch::empty({static_cast<std::int64_t>(results.size()), 4}, torch::kFloat32);
+    auto rows = torch::empty({static_cast<std::int64_t>(results.size()), kTold}, torch::kFloat32);
     auto* row = rows.data_ptr<float>();
     for (const auto& result : results) {
         *row++ = result.reward;
         *row++ = result.episode_over ? 1 : 0;
         *row++ = result.truncated ? 1 : 0;
         *row++ = static_cast<float>(result.frames);
+        *row++ = static_cast<float>(result.event);
     }
     return rows;
 }
@@ -48,6 +51,7 @@ StepResult result_of(const float* row) {
     return {.reward = row[0],
             .truncated = row[2] != 0,
             .episode_over = row[1] != 0,
+            .event = static_cast<Event>(row[4]),
             .frames = static_cast<int>(row[3])};
 }
 
@@ -154,7 +158,7 @@ void GamesUnderWay::meet(RunState& state, std::vector<Episode>& ended) {
         for (const auto& told_by_one : told_by_all) {
             const auto rows = told_by_one.at("results");
             for (std::int64_t i = 0; i < env_.size(); ++i)
-                *result++ = result_of(rows.const_data_ptr<float>() + (step * env_.size() + i) * 4);
+                *result++ = result_of(rows.const_data_ptr<float>() + (step * env_.size() + i) * kTold);
         }
         count_step(results, state.step - (steps - 1 - step) * all_, state, ended);
     }
@@ -162,7 +166,10 @@ void GamesUnderWay::meet(RunState& state, std::vector<Episode>& ended) {
 
 void GamesUnderWay::count_step(std::span<const StepResult> results, std::int64_t step, RunState& state,
                                std::vector<Episode>& ended) {
-    for (const auto& result : results) state.frame += result.frames;
+    for (const auto& result : results) {
+        state.frame += result.frames;
+        ++state.joystick_events[static_cast<std::size_t>(result.event)];
+    }
     for (std::size_t i = 0; i < results.size(); ++i) {
         const auto& result = results[i];
         auto& episode = episodes_[i];

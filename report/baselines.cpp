@@ -7,8 +7,10 @@
 #include <array>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "report/csv.h"
 
 namespace cale {
@@ -24,6 +26,16 @@ std::vector<std::string> score_columns(const CsvTable& table) {
     return names;
 }
 
+/// The three that are most like `wanted`: those that hold it first, then those with the fewest mistakes in
+/// it.
+std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std::string> names) {
+    std::ranges::stable_sort(names, {}, [&](const std::string& name) {
+        return std::pair(name.find(wanted) == name.npos, edit_distance(wanted, name));
+    });
+    names.resize(std::min<std::size_t>(names.size(), 3));
+    return names;
+}
+
 }  // namespace
 
 std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
@@ -36,7 +48,8 @@ std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
     for (const auto& name : names) {
         if (std::find(known.begin(), known.end(), name) == known.end())
             throw std::invalid_argument(
-                fmt::format("there is no baseline '{}'; there are {}", name, fmt::join(known, ", ")));
+                fmt::format("--baselines {}: {} has no such column; the nearest are {}", name, csv.string(),
+                            fmt::join(nearest_names(name, known), ", ")));
         const auto column = *table.find(name);
         Baseline baseline{.name = name};
         for (std::size_t row = 0; row < table.rows.size(); ++row) {

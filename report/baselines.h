@@ -16,7 +16,7 @@ struct Baseline {
 };
 
 /// The columns called `names` of a table with a row per game, whose column `game` names it.
-/// Throws std::invalid_argument for a name that is no column, naming those that are, and
+/// Throws std::invalid_argument for a name that is no column, naming the nearest, and
 /// std::runtime_error for a table that cannot be read.
 std::vector<Baseline> read_baselines(const std::filesystem::path& csv, const std::vector<std::string>& names);
 

@@ -329,7 +329,10 @@ std::vector<Figure> game_figures(const Comparison& comparison) {
          "overlap, that means little.",
          game_table_figure(comparison)});
     if (!event_panels(comparison).empty()) {
-        all.push_back({"events", "Joystick events", "What the agents ask of the joystick when evaluated.",
+        all.push_back({"events", "Joystick events",
+                       fmt::format("What the agents ask of the joystick {}.",
+                                   comparison.config.score == ScoreKind::training ? "in all their training"
+                                                                                  : "when evaluated"),
                        event_figure(comparison)});
     }
     if (!rows_with(comparison, has_rewards).empty()) {

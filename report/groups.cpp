@@ -115,6 +115,14 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
     if (meant.size() > 1)
         throw std::invalid_argument(
             fmt::format("--group-by {}: that may be {}", wanted, fmt::join(meant, " or ")));
+    for (const auto* key : {"env.game", "train.seed"}) {
+        if (wanted == key || wanted == short_name(key)) {
+            throw std::invalid_argument(
+                fmt::format("--group-by {}: game and seed are what the runs of a group differ in; leave it "
+                            "out: tables and curves are by game in any case",
+                            wanted));
+        }
+    }
     std::vector<std::string> differing{"agent"};
     for (const auto& key : keys)
         if (count_groups(runs, {key}) > 1) differing.push_back(key);

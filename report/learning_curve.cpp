@@ -84,6 +84,18 @@ std::vector<double> moving_average(const std::vector<double>& values, std::size_
     return averages;
 }
 
+std::vector<double> mean_returns(const EpisodeHistory& episodes, double window) {
+    std::vector<double> means;
+    double sum = 0;
+    std::size_t oldest = 0;
+    for (std::size_t i = 0; i < episodes.returns.size(); ++i) {
+        sum += episodes.returns[i];
+        while (episodes.steps[oldest] <= episodes.steps[i] - window) sum -= episodes.returns[oldest++];
+        means.push_back(sum / static_cast<double>(i + 1 - oldest));
+    }
+    return means;
+}
+
 Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
                        const std::vector<ReferenceScore>& references) {
     const auto count = episodes.returns.size();

@@ -29,6 +29,10 @@ EpisodeHistory read_episodes(const std::filesystem::path& path);
 /// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.
 std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);
 
+/// Element i is the mean return of the episodes that ended in the `window` agent steps up to the end of
+/// episode i.
+std::vector<double> mean_returns(const EpisodeHistory& episodes, double window);
+
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve
 /// into less than a third of the picture, as words beside it.
 struct ReferenceScore {

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::size_t kGamesPerScore = 100;
+constexpr double kLongestIteration = 250'000;  // agent steps
 
 /// No result depends on these, or a report tells them apart anyway.
 constexpr std::array<std::string_view, 12> kWithoutEffect{"env.game",
@@ -88,11 +88,24 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     run.game = &find_game(env_id);
 }
 
+/// 0 where it is not set. May be written as 50_000_000.
+double number_of(const std::map<std::string, std::string>& settings, const char* key) {
+    const auto found = settings.find(key);
+    if (found == settings.end()) return 0;
+    auto digits = found->second;
+    std::erase(digits, '_');
+    return std::strtod(digits.c_str(), nullptr);
+}
+
 void read_training(Run& run, const EpisodeHistory& episodes) {
     if (episodes.steps.empty()) throw std::runtime_error("no game of its training has ended");
     run.steps = episodes.steps;
-    run.scores = moving_average(episodes.returns, kGamesPerScore);
-    run.games_in_score = static_cast<std::int64_t>(std::min(episodes.returns.size(), kGamesPerScore));
+    const double last = episodes.steps.back();
+    const double all = std::max(last, number_of(run.settings, "train.total_steps"));
+    const double iteration = std::min(all / 10, kLongestIteration);
+    run.scores = mean_returns(episodes, iteration);
+    run.games_in_score = std::ranges::count_if(
+        episodes.steps, [&](double step) { return step == last || step > last - iteration; });
 }
 
 /// The files eval/step_*SUFFIX, oldest first.
@@ -170,10 +183,6 @@ std::vector<RewardQuantile> read_reward_quantiles(const fs::path& path) {
 /// Whether progress.csv or the episodes come as near to the end as the log's rhythm allows.
 bool reached_end(const fs::path& folder, double last_episode,
                  const std::map<std::string, std::string>& settings) {
-    const auto number = [&](const char* key) {
-        const auto found = settings.find(key);
-        return found == settings.end() ? 0.0 : std::strtod(found->second.c_str(), nullptr);
-    };
     double reached = last_episode;
     if (fs::exists(folder / "progress.csv")) {
         const auto table = read_csv(folder / "progress.csv");
@@ -181,7 +190,7 @@ bool reached_end(const fs::path& folder, double last_episode,
         if (column && !table.rows.empty())
             reached = std::max(reached, table.number(table.rows.size() - 1, *column));
     }
-    return reached + number("log.every") >= number("train.total_steps");
+    return reached + number_of(settings, "log.every") >= number_of(settings, "train.total_steps");
 }
 
 Run read_run(const fs::path& folder, ScoreKind kind) {
@@ -197,8 +206,12 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     run.finished = reached_end(folder, episodes.steps.empty() ? 0 : episodes.steps.back(), run.settings);
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
 
-    if (const auto files = evaluation_files(folder, "_events.csv"); !files.empty())
+    if (kind == ScoreKind::training) {
+        if (const auto file = folder / "joystick_events.csv"; fs::exists(file))
+            run.event_shares = read_event_shares(file);
+    } else if (const auto files = evaluation_files(folder, "_events.csv"); !files.empty()) {
         run.event_shares = read_event_shares(files.back());
+    }
     if (const auto files = evaluation_files(folder, "_rewards.csv"); !files.empty())
         run.reward_quantiles = read_reward_quantiles(files.back());
     return run;

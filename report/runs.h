@@ -11,8 +11,9 @@
 
 namespace cale {
 
-/// training: the mean return of the newest hundred games of training, exploration and all, which is
-/// what the paper reports. evaluation: the mean return of an evaluation (eval/step_*.csv).
+/// training: the mean return of the games that ended in the newest iteration of training, exploration and
+/// all, which is what the paper reports; an iteration is a tenth of the run, 250,000 agent steps at most, as
+/// in Dopamine's protocols. evaluation: the mean return of an evaluation (eval/step_*.csv).
 enum class ScoreKind { training, evaluation };
 
 struct RewardQuantile {
@@ -34,9 +35,10 @@ struct Run {
     std::vector<double> scores{};
     std::int64_t games_in_score = 0;  // behind the last score
     bool finished = true;             // whether it took all the steps that it was to take
-    // Of its newest evaluation, by Event, adding up to 1. Empty where none was recorded.
+    // By Event, adding up to 1: of all its training or of its newest evaluation, as the score is. Empty
+    // where none was recorded.
     std::vector<double> event_shares{};
-    std::vector<RewardQuantile> reward_quantiles{};  // likewise
+    std::vector<RewardQuantile> reward_quantiles{};  // of its newest evaluation
 
     double score() const { return scores.back(); }
 };

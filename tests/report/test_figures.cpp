@@ -23,7 +23,7 @@ using ::testing::Not;
 
 class Figures : public ::testing::Test {
   protected:
-    /// Two agents with long names, `games` games, two seeds, evaluations with events and rewards.
+    /// Two agents with long names, `games` games, two seeds, with events and rewards.
     Comparison comparison(std::size_t game_count) const {
         for (const auto* agent : {"sac", "a_rather_long_name_of_an_agent"}) {
             std::size_t i = 0;
@@ -32,9 +32,8 @@ class Figures : public ::testing::Test {
                 for (const std::uint64_t seed : {1, 2}) {
                     const auto folder = fmt::format("{}_{}_{}", agent, game.rom, seed);
                     const double score = static_cast<double>(seed * 100 + i);
-                    folders_.run(folder, agent, std::string(game.name), seed, {score, 2 * score, 50});
-                    folders_.write(folder + "/eval/step_000000300_events.csv",
-                                   "event,count\nUP,3\nUPFIRE,1\n");
+                    folders_.run(folder, agent, std::string(game.name), seed, {score, 50, 2 * score});
+                    folders_.write(folder + "/joystick_events.csv", "event,count\nUP,3\nUPFIRE,1\n");
                     folders_.write(folder + "/eval/step_000000300_rewards.csv",
                                    "quantile,reward\n0,0\n1,7\n");
                 }
@@ -113,6 +112,15 @@ TEST_F(Figures, AreAllThereAndTidy) {
     }
 }
 
+TEST_F(Figures, RunsThatAllScoredTheSameHaveFiguresToo) {
+    for (const auto* game : {"Alien", "Amidar"})
+        for (const std::uint64_t seed : {1, 2})
+            folders_.run(fmt::format("{}_{}", game, seed), "sac", game, seed, {50, 50});
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    for (const auto& figure : figures(data)) expect_tidy(figure);
+}
+
 TEST_F(Figures, SayHowManyRunsAndWhichMethod) {
     const auto data = comparison(2);
     for (const auto& picture : {aggregate_figure(data), profile_figure(data), improvement_figure(data),
@@ -160,6 +168,11 @@ TEST(Panels, TicksLeaveRoomForTheirWords) {
     for (const auto& text : tick_texts(ticks)) width += text_width(text, 12);
     EXPECT_LE(width, 60);
     EXPECT_FALSE(ticks.empty());
+}
+
+TEST(Panels, NumbersThatDifferByRoundingHaveRoomAllTheSame) {
+    const auto room = room_for(std::array{-0.0256, std::nextafter(-0.0256, 0)});
+    EXPECT_NEAR(room.high - room.low, 2, 0.1);
 }
 
 TEST(Panels, TicksAreRoundNumbersInsideTheInterval) {

@@ -18,6 +18,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using ::testing::IsSupersetOf;
 
 class LearningCurve : public ::testing::Test {
@@ -77,6 +78,13 @@ TEST_F(LearningCurve, NamesTheLineThatIsDamaged) {
 TEST_F(LearningCurve, AveragesOverTheNewestValues) {
     EXPECT_THAT(moving_average({1, 3, 5, 7}, 2), ElementsAre(1, 2, 4, 6));
     EXPECT_THAT(moving_average({1, 3}, 100), ElementsAre(1, 2));
+}
+
+TEST_F(LearningCurve, AveragesOverTheNewestSteps) {
+    const EpisodeHistory episodes{.steps = {10, 30, 35, 200, 200}, .returns = {1, 3, 8, 10, 20}};
+    EXPECT_THAT(mean_returns(episodes, 20), ElementsAre(1, 3, 5.5, 10, 15));
+    EXPECT_THAT(mean_returns(episodes, 1e9), ElementsAre(1, 2, 4, 5.5, 8.4));
+    EXPECT_THAT(mean_returns({}, 20), IsEmpty());
 }
 
 TEST_F(LearningCurve, ShowsEveryReturnAndTheirAverage) {

@@ -63,18 +63,45 @@ TEST_F(Runs, SayWhatTheyAre) {
                                     Contains(Pair("env.threshold", "0.5")), Not(Contains(Key("env.game"))),
                                     Not(Contains(Key("train.seed"))), Not(Contains(Key("log.every")))));
     EXPECT_THAT(run.steps, ElementsAre(100, 200));
-    EXPECT_THAT(run.scores, ElementsAre(100, 200));
-    EXPECT_EQ(run.games_in_score, 2);
+    EXPECT_THAT(run.scores, ElementsAre(100, 300));
+    EXPECT_EQ(run.games_in_score, 1);
     EXPECT_TRUE(run.finished);
 }
 
-TEST_F(Runs, ScoreIsTheMeanOfTheLastHundredGames) {
-    std::vector<double> returns(150, 0.0);
-    std::fill(returns.begin() + 50, returns.end(), 3.0);
-    folders_.run("a", "sac", "Pong", 1, returns);
-    EXPECT_DOUBLE_EQ(found().runs.at(0).score(), 3);
-    EXPECT_DOUBLE_EQ(found().runs.at(0).scores.at(99), 1.5);
-    EXPECT_EQ(found().runs.at(0).games_in_score, 100);
+TEST_F(Runs, ScoreIsTheMeanOverATenthOfTheRun) {
+    std::vector<double> returns(150, 0.0);  // 100 steps each
+    std::fill(returns.begin() + 130, returns.end(), 3.0);
+    folders_.run("a", "sac", "Pong", 1, returns, "train: {total_steps: 20_000}\n");
+    folders_.run("b", "sac", "Pong", 2, returns);  // a Monitor file, say, of whose plans nothing is known
+    const auto both = found().runs;
+    EXPECT_DOUBLE_EQ(both.at(0).score(), 3);
+    EXPECT_DOUBLE_EQ(both.at(0).scores.at(139), 1.5) << "of 20 games";
+    EXPECT_EQ(both.at(0).games_in_score, 20);
+    EXPECT_EQ(both.at(1).games_in_score, 15);
+}
+
+TEST_F(Runs, AnIterationIsOfAQuarterOfAMillionStepsAtMost) {
+    folders_.run("a", "sac", "Pong", 1, std::vector<double>(5'000, 1.0),
+                 "train: {total_steps: 50_000_000}\n");
+    EXPECT_EQ(found().runs.at(0).games_in_score, 2'500);
+}
+
+TEST_F(Runs, WhereNoGameEndedInTheIterationTheNewestCounts) {
+    folders_.run("a", "sac", "Pong", 1, {-21, -19}, "train: {total_steps: 200}\n");
+    const auto run = found().runs.at(0);
+    EXPECT_THAT(run.scores, ElementsAre(-21, -19));
+    EXPECT_EQ(run.games_in_score, 1);
+}
+
+TEST_F(Runs, EventsAreThoseOfTheTrainingWhoseScoreCounts) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    EXPECT_THAT(found().runs.at(0).event_shares, IsEmpty());
+    folders_.write("a/joystick_events.csv", "event,count\nNOOP,1\nFIRE,3\n");
+    folders_.write("a/eval/step_000010000_events.csv", "event,count\nUP,30\n");
+    const auto run = found().runs.at(0);
+    ASSERT_THAT(run.event_shares, SizeIs(kEventCount));
+    EXPECT_DOUBLE_EQ(run.event_shares[static_cast<std::size_t>(Event::fire)], 0.75);
+    EXPECT_DOUBLE_EQ(run.event_shares[static_cast<std::size_t>(Event::up)], 0);
 }
 
 TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
@@ -96,7 +123,7 @@ TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
 TEST_F(Runs, HalfALastLineIsPassedOver) {
     folders_.run("a", "sac", "Pong", 1, {-21, -19});
     std::ofstream(folders_.path() / "a/episodes.csv", std::ios::app) << "-3,10";
-    EXPECT_DOUBLE_EQ(found().runs.at(0).score(), -20);
+    EXPECT_THAT(found().runs.at(0).scores, ElementsAre(-21, -19));
 }
 
 TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
@@ -168,6 +195,14 @@ TEST_F(Runs, AreGroupedByWhatDiffers) {
         FAIL();
     } catch (const std::invalid_argument& error) {
         EXPECT_THAT(error.what(), HasSubstr("agent.encoder, agent.gamma"));
+    }
+    for (const std::string key : {"env.game", "game", "train.seed", "seed"}) {
+        try {
+            labels({key});
+            FAIL();
+        } catch (const std::invalid_argument& error) {
+            EXPECT_THAT(error.what(), HasSubstr("--group-by " + key + ": game and seed are what the runs"));
+        }
     }
 }
 
