@@ -11,6 +11,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "agents/action_metrics.h"
 #include "agents/advantages.h"
 #include "agents/captured_update.h"
 #include "agents/env_share.h"
@@ -327,6 +328,11 @@ class Ppo final : public Agent {
         for (const auto* tag :
              {"loss", "policy_loss", "value_loss", "entropy", "approx_kl", "clipfrac", "explained_variance"})
             newest_["losses/" + std::string(tag)] = numbers[i++].item<double>();
+        if (all.action.dim() == 1) return;
+        std::vector<torch::Tensor> coordinates;
+        for (const auto& coordinate : all.action.unbind(1))
+            coordinates.push_back(moments(coordinate, spec_.processes).mean);
+        add_mean_action(newest_, torch::stack(coordinates));
     }
 
     StateParts parts() {

@@ -142,7 +142,7 @@ PpoLosses ppo_gradient_step(PpoLearner& learner, const PpoMinibatch& minibatch, 
 PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const PpoConfig& config);
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac, explained_variance},
-/// charts/{learning_rate, epsilon}.
+/// charts/{learning_rate, epsilon, mean_radius, mean_theta, mean_fire}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/....
 /// Several processes do together what one would do with all their environments: they draw the same random

@@ -9,6 +9,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "agents/action_metrics.h"
 #include "agents/captured_update.h"
 #include "agents/random.h"
 #include "agents/state.h"
@@ -80,7 +81,8 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     const auto critic_loss = ((q.q1 - y).square() + (q.q2 - y).square()).mean();
 
     // Actor, SAC's equation 9, with the clipped double Q of its section 5.
-    const auto pi = sample(network->policy(features), noise.actor, network->box);
+    const auto policy = network->policy(features);
+    const auto pi = sample(policy, noise.actor, network->box);
     const auto q_pi = network->values(critic_z.detach(), pi.action).minimum();
     const auto actor_loss = (alpha * pi.log_prob - q_pi).mean();
 
@@ -88,7 +90,8 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     const auto log_prob = pi.log_prob.detach();
     const auto alpha_loss = (log_alpha * (-log_prob - config.target_entropy)).mean();
 
-    return {critic_loss, actor_loss, alpha_loss, q.q1.detach(), q.q2.detach(), y, log_prob};
+    return {critic_loss,   actor_loss, alpha_loss, q.q1.detach(),
+            q.q2.detach(), y,          log_prob,   mean_action(policy, network->box).detach()};
 }
 
 SacLosses sac_update(SacLearner& learner, const Batch& batch, const SacNoise& noise,
@@ -172,10 +175,12 @@ class Sac final : public Agent {
         values["losses/qf_loss"] = mean(newest_.critic);
         values["losses/qf1_values"] = mean(newest_.q1);
         values["losses/qf2_values"] = mean(newest_.q2);
+        values["losses/target_values"] = mean(newest_.target_values);
         values["losses/actor_loss"] = mean(newest_.actor);
         values["losses/alpha_loss"] = mean(newest_.alpha);
         values["losses/entropy"] = -mean(newest_.log_prob);
         values["losses/alpha"] = std::exp(mean(learner_.log_alpha.detach()));
+        add_mean_action(values, newest_.mean_action.mean(0));
         return values;
     }
 

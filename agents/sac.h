@@ -76,6 +76,7 @@ struct SacLosses {
     torch::Tensor q1, q2;         // [B] values of the stored actions
     torch::Tensor target_values;  // [B] y
     torch::Tensor log_prob;       // [B] of the actor's own sample
+    torch::Tensor mean_action;    // [B, 3] of the actor
 };
 
 /// A pure function of its arguments. `log_alpha` is [1]. Throws std::invalid_argument, naming
@@ -90,8 +91,8 @@ using SacLearner = SoftLearner<SacNetwork>;
 /// step, without their graphs; the gradients stay in the parameters until the next call.
 SacLosses sac_update(SacLearner& learner, const Batch& batch, const SacNoise& noise, const SacConfig& config);
 
-/// Tags: losses/{qf_loss, qf1_values, qf2_values, actor_loss, alpha_loss, alpha, entropy},
-/// charts/{learning_rate, epsilon}.
+/// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
+/// charts/{learning_rate, epsilon, mean_radius, mean_theta, mean_fire}.
 /// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....
 /// With N environments an update() stands for N decisions, and each of them whose number is a multiple of

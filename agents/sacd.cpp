@@ -161,6 +161,7 @@ class Sacd final : public Agent {
         values["losses/qf_loss"] = mean(newest_.critic);
         values["losses/qf1_values"] = mean(newest_.q1);
         values["losses/qf2_values"] = mean(newest_.q2);
+        values["losses/target_values"] = mean(newest_.target_values);
         values["losses/actor_loss"] = mean(newest_.actor);
         values["losses/alpha_loss"] = mean(newest_.alpha);
         values["losses/entropy"] = mean(newest_.entropy);

@@ -83,7 +83,7 @@ using SacdLearner = SoftLearner<SacdNetwork>;
 SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, double target_entropy,
                        const SacdConfig& config);
 
-/// Tags: losses/{qf_loss, qf1_values, qf2_values, actor_loss, alpha_loss, alpha, entropy},
+/// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
 /// charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -66,8 +67,8 @@ Kind kind(const std::string& name, std::int64_t num_actions,
             }};
 }
 
-const std::vector<std::string> kSacLosses{"qf_loss",    "qf1_values", "qf2_values", "actor_loss",
-                                          "alpha_loss", "alpha",      "entropy"};
+const std::vector<std::string> kSacLosses{"qf_loss",    "qf1_values", "qf2_values", "target_values",
+                                          "actor_loss", "alpha_loss", "alpha",      "entropy"};
 
 Kind sac() {
     auto config = small_sac();
@@ -305,6 +306,15 @@ TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
     for (const auto& loss : GetParam().losses) EXPECT_TRUE(metrics.contains("losses/" + loss)) << loss;
     for (const auto& [tag, value] : metrics) EXPECT_TRUE(std::isfinite(value)) << tag;
     EXPECT_GT(metrics.at("charts/learning_rate"), 0);
+    const bool joystick = GetParam().num_actions == 0;
+    for (const auto& [tag, low, high] : {std::tuple("charts/mean_radius", 0.0, 1.0),
+                                         {"charts/mean_theta", -3.15, 3.15},
+                                         {"charts/mean_fire", 0.0, 1.0}}) {
+        ASSERT_EQ(metrics.contains(tag), joystick) << tag;
+        if (!joystick) continue;
+        EXPECT_GT(metrics.at(tag), low) << tag;
+        EXPECT_LT(metrics.at(tag), high) << tag;
+    }
     drive(*agent, spec, 35, 8);
     const auto& loss = "losses/" + GetParam().losses.front();
     EXPECT_NE(agent->metrics().at(loss), metrics.at(loss));
