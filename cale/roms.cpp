@@ -33,8 +33,9 @@ std::filesystem::path find_rom(const std::string& game, const std::string& rom_d
         if (std::filesystem::is_regular_file(folder / file)) return folder / file;
         searched += (searched.empty() ? "" : ", ") + folder.string();
     }
-    throw std::runtime_error("the ROM file " + file + " is not in " + searched +
-                             ": run scripts/setup, or let rom_dir or ALE_ROMS_DIR name a folder that has it");
+    throw std::runtime_error(
+        "the ROM file " + file + " is not in " + searched +
+        ": run scripts/setup, or let env.rom_dir or ALE_ROMS_DIR name a folder that has it");
 }
 
 }  // namespace cale

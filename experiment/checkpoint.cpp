@@ -24,12 +24,14 @@ constexpr const char* kAgentFile = "agent.safetensors";
 constexpr const char* kGamesFile = "games.safetensors";
 constexpr const char* kReplayFile = "replay.zst";
 constexpr const char* kStateFile = "state.json";
+constexpr const char* kEventsFile = "joystick_events.csv";  // the run's, for people and reports
 constexpr const char* kPartial = ".partial";
 
 std::string to_json(const RunState& state) {
     return nlohmann::json{{"step", state.step},
                           {"frame", state.frame},
                           {"episodes", state.episodes},
+                          {"joystick_events", state.joystick_events},
                           {"seconds", state.seconds},
                           {"recent_returns", state.recent_returns},
                           {"episodes_offset", state.episodes_offset},
@@ -45,12 +47,23 @@ std::int64_t count(const nlohmann::json& json, const char* name) {
     throw std::runtime_error(fmt::format("{}: {} is no count", kStateFile, name));
 }
 
+EventCounts event_counts(const nlohmann::json& json) {
+    const auto counts = json.get<std::vector<std::int64_t>>();
+    EventCounts result{};
+    if (counts.size() != result.size() || std::ranges::min(counts) < 0)
+        throw std::runtime_error(
+            fmt::format("{}: joystick_events are not {} counts", kStateFile, result.size()));
+    std::ranges::copy(counts, result.begin());
+    return result;
+}
+
 RunState from_json(const std::string& text) {
     try {
         const auto json = nlohmann::json::parse(text);
         return {.step = count(json, "step"),
                 .frame = count(json, "frame"),
                 .episodes = count(json, "episodes"),
+                .joystick_events = event_counts(json.at("joystick_events")),
                 .seconds = json.at("seconds"),
                 .recent_returns = json.at("recent_returns"),
                 .episodes_offset = count(json, "episodes_offset"),
@@ -106,7 +119,8 @@ StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with
                                  RunState& state) {
     StoredCheckpoint stored{folder, read_manifest(folder)};
     for (const auto* file : {kAgentFile, kGamesFile, kStateFile})
-        if (!stored.manifest.contains(file)) throw std::runtime_error(fmt::format("it lacks {}", file));
+        if (!stored.manifest.contains(file))
+            throw std::runtime_error(fmt::format("its manifest.json lacks {}", file));
     verify(folder, stored.manifest);
     state = from_json(read_file(folder / kStateFile));
     restore_games(load_safetensors(folder / kGamesFile).tensors);
@@ -147,11 +161,13 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
         save_safetensors(partial / kAgentFile, snapshot.agent);
         save_safetensors(partial / kGamesFile, snapshot.games);
         write_file_atomically(partial / kStateFile, to_json(snapshot.state));
+        write_file_atomically(partial / "config.yaml", snapshot.config);
         for (const auto& entry : fs::directory_iterator(partial)) {
             const auto name = entry.path().filename().string();
             if (!manifest.contains(name)) manifest[name] = record_of(entry.path());
         }
         write_manifest(partial, manifest);
+        write_file_atomically(run_dir / kEventsFile, event_table(snapshot.state.joystick_events));
         publish(partial, folder);
         return {folder, std::move(manifest)};
     } catch (...) {
@@ -191,10 +207,10 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool wi
                                   const std::function<void(const TensorMap&)>& restore_games) {
     const auto all = list_checkpoints(run_dir);
     if (all.empty()) {
-        throw ResumeError(
-            fmt::format("{} holds no checkpoint to resume from; give --run-dir the folder of a run, or leave "
-                        "--resume out",
-                        run_dir.string()));
+        throw ResumeError(fmt::format(
+            "{} holds no checkpoint to resume from; give --run-dir another folder, or delete this "
+            "one to begin again",
+            run_dir.string()));
     }
     Checkpoint checkpoint;
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {

@@ -5,6 +5,7 @@
 //         games.safetensors   the games under way
 //         replay.zst, frames-*.zst, transitions-*.zst   the replay (train.save_replay); see replay_snapshot.h
 //         state.json          where the run stood
+//         config.yaml         the settings that it was trained with
 //         manifest.json       size and checksum of each of these
 //
 // A folder appears under its name only when it is complete and on the disk.
@@ -20,6 +21,7 @@
 #include <vector>
 
 #include "agents/agent.h"
+#include "experiment/event_counts.h"
 #include "experiment/manifest.h"
 #include "replay/replay_snapshot.h"
 
@@ -30,6 +32,7 @@ struct RunState {
     std::int64_t step = 0;   // agent steps, over all environments
     std::int64_t frame = 0;  // emulated frames, over all environments
     std::int64_t episodes = 0;
+    EventCounts joystick_events{};            // asked for in training, over all environments
     double seconds = 0;                       // spent training, over all sittings
     std::vector<double> recent_returns{};     // of the last 100 episodes, oldest first
     std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far
@@ -44,6 +47,7 @@ struct RunSnapshot {
     TensorMap agent;
     TensorMap games;                         // GamesUnderWay::state()
     std::optional<ReplaySnapshot> replay{};  // none: without train.save_replay, or no replay
+    std::string config{};                    // all settings as YAML
 };
 
 /// A checkpoint that has been written, or found good.
@@ -67,6 +71,7 @@ struct ResumeError : std::runtime_error {
 /// Writes a checkpoint. Full chunks of the replay are not written again: those that `before_last` has are
 /// linked, others that `last` has are copied, each after its checksum was found good. So two checkpoints in a
 /// row share no file, and one damaged file costs one checkpoint.
+/// The run's joystick_events.csv is brought up to date, too.
 /// Throws std::runtime_error, naming the file, where the disk refuses; all other checkpoints are untouched
 /// then.
 StoredCheckpoint write_checkpoint(const std::filesystem::path& run_dir, RunSnapshot snapshot,

@@ -6,9 +6,12 @@
 #include <iostream>
 
 #include <fmt/format.h>
+#include <torch/cuda.h>
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "experiment/columns.h"
+#include "experiment/files.h"
 #include "experiment/versions.h"
 
 namespace cale {
@@ -101,12 +104,13 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     app.add_option("--run-dir", line.run_dir);
     app.add_option("--device", line.device);
     app.add_option("--threads", line.threads);
-    app.add_flag("--resume", line.resume);
-    app.add_flag("--accept-changes", line.accept_changes);
-    app.add_flag("--no-progress", no_progress);
-    app.add_flag("--print-config", arguments.print_config);
-    app.add_flag("--version", arguments.version);
-    app.add_flag("-h,--help", arguments.help);
+    for (const auto& [name, flag] : {std::pair("--resume", &line.resume),
+                                     {"--accept-changes", &line.accept_changes},
+                                     {"--no-progress", &no_progress},
+                                     {"--print-config", &arguments.print_config},
+                                     {"--version", &arguments.version},
+                                     {"-h,--help", &arguments.help}})
+        app.add_flag(name, *flag)->disable_flag_override();
     for (const auto& option : kOptions) {
         if (option.key.empty() || !table.has(option.key)) continue;
         app.add_option_function<std::string>(std::string(option.name),
@@ -116,13 +120,16 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     }
     for (auto* option : app.get_options()) {
         option->check([](const std::string& value) {
+            if (value.empty()) return std::string("needs a value that is not empty");
             return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
         });
     }
     try {
         app.parse(argc, argv);
     } catch (const CLI::ArgumentMismatch& error) {
-        const std::string_view what = error.what();  // "--seed: 1 required TEXT missing"
+        const std::string_view what = error.what();      // "--seed: 1 required TEXT missing"
+        if (what.ends_with("disallowed flag override"))  // "resume was given a disallowed flag override"
+            throw ConfigError(fmt::format("--{} takes no value", what.substr(0, what.find(' '))));
         throw ConfigError(fmt::format("{} needs a value", what.substr(0, what.find(':'))));
     } catch (const CLI::ParseError& error) {
         throw ConfigError(error.what());
@@ -146,10 +153,23 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     return arguments;
 }
 
+/// Another agent's run has settings that this program does not know.
+void check_trained_by(std::string_view program, const std::filesystem::path& run_dir) {
+    const auto file = run_dir / "metadata.json";
+    if (!std::filesystem::exists(file)) return;
+    const auto metadata = nlohmann::json::parse(read_file(file), nullptr, /*allow_exceptions=*/false);
+    if (!metadata.is_object() || !metadata.contains("program") || !metadata["program"].is_string()) return;
+    const auto trained_by = metadata["program"].get<std::string>();
+    if (trained_by == program) return;
+    throw ConfigError(fmt::format("--resume --run-dir {}: this is a run of {}, which goes on with it",
+                                  run_dir.string(), trained_by));
+}
+
 /// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
-void apply(Arguments& arguments, ConfigTable& table) {
+void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     CommandLine& line = arguments.line;
     if (line.resume && line.config_file.empty()) {
+        check_trained_by(program, line.run_dir);
         const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
         if (std::filesystem::exists(saved)) line.config_file = saved.string();
     }
@@ -165,6 +185,32 @@ void apply(Arguments& arguments, ConfigTable& table) {
 }
 
 }  // namespace
+
+c10::Device find_device(const std::string& wish, std::optional<std::uint64_t> own_index) {
+    check_device(wish);
+    const std::uint64_t count = torch::cuda::device_count();
+    if (wish == "cpu" || (wish == "auto" && count == 0)) return c10::kCPU;
+    if (count == 0) {
+        throw ConfigError(
+            fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
+                        "--cuda on a machine with an NVIDIA GPU",
+                        wish));
+    }
+    const auto colon = wish.find(':');
+    const auto index =
+        colon == wish.npos ? own_index : parse_natural(std::string_view(wish).substr(colon + 1));
+    if (!index) return c10::kCUDA;
+    if (*index >= count) {
+        throw ConfigError(fmt::format(
+            "--device {}: cuda:{} is not there; this machine has {}, counted from 0", wish, *index, count));
+    }
+    return {c10::kCUDA, static_cast<c10::DeviceIndex>(*index)};
+}
+
+std::string version_text(std::string_view program) {
+    return fmt::format("{} {} (LibTorch {}, ALE {})", program, cale_version(), torch_version(),
+                       ale_version());
+}
 
 std::vector<TrainOption> train_options(const ConfigTable& table) {
     std::vector<TrainOption> options;
@@ -219,10 +265,9 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
     if (arguments.help) {
         out << help_text(program, description, table, terminal_width());
     } else if (arguments.version) {
-        out << fmt::format("{} {} (LibTorch {}, ALE {})\n", program, cale_version(), torch_version(),
-                           ale_version());
+        out << version_text(program) << '\n';
     } else {
-        apply(arguments, table);
+        apply(program, arguments, table);
         if (arguments.print_config) out << table.to_yaml();
     }
     return line;

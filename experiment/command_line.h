@@ -3,10 +3,14 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <iosfwd>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include <c10/core/Device.h>
 
 #include "experiment/config.h"
 
@@ -47,6 +51,14 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 /// The same, writing to the standard output.
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv);
+
+/// The device that --device asks for: auto (cuda if there is one), cpu, cuda or cuda:<index>. `own_index` is
+/// which one is meant by cuda alone; without it, the current one. Throws ConfigError for another name and for
+/// a device that is not there.
+c10::Device find_device(const std::string& wish, std::optional<std::uint64_t> own_index = std::nullopt);
+
+/// "train_sac 0.1.0 (LibTorch 2.11.0, ALE 0.12.1)"
+std::string version_text(std::string_view program);
 
 /// What --help prints, wrapped to `width` columns.
 std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,

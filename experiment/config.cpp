@@ -418,6 +418,13 @@ std::string nearest(std::string_view text, std::span<const std::string> candidat
 }
 
 void ConfigEntry::set(std::string_view text) const {
+    if (check) {
+        try {
+            check(std::string(text));
+        } catch (const std::invalid_argument& error) {
+            throw ConfigError(fmt::format("{}: {}", key, error.what()));
+        }
+    }
     std::visit(Reader{*this, text}, member);
 }
 
@@ -440,6 +447,12 @@ void ConfigTable::add(std::string_view section, std::string_view name, std::stri
     const auto same_section = [&](const ConfigEntry& other) { return section_of(other.key) == section; };
     const auto last = std::find_if(entries_.rbegin(), entries_.rend(), same_section);
     entries_.insert(last == entries_.rend() ? entries_.end() : last.base(), std::move(entry));
+}
+
+void ConfigTable::check(std::string_view key, std::function<void(const std::string&)> check) {
+    const auto found = std::ranges::find(entries_, key, &ConfigEntry::key);
+    if (found == entries_.end()) throw std::logic_error(fmt::format("there is no field '{}'", key));
+    found->check = std::move(check);
 }
 
 const ConfigEntry* ConfigTable::find(std::string_view key) const {

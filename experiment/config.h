@@ -57,6 +57,7 @@ struct ConfigEntry {
     std::string help;          // its sentence
     Range range;               // of numbers
     ConfigMember member;       // where it is stored
+    std::function<void(const std::string&)> check{};  // of texts: throws std::invalid_argument, a sentence
 
     /// Reads `text` into the member. Integers may be written 1000000, 1_000_000 or 1e6;
     /// true/false also yes/no and on/off; an absent number is none or null.
@@ -82,6 +83,10 @@ class ConfigTable {
     void add(std::string_view section, Config& config) {
         fields(config, Adder{*this, section});
     }
+
+    /// Has a text read only if `check` does not throw std::invalid_argument, whose sentence is then told with
+    /// the file and line, or the option, that the text stands in.
+    void check(std::string_view key, std::function<void(const std::string&)> check);
 
     /// The settings in order, each section's together.
     const std::vector<ConfigEntry>& entries() const { return entries_; }

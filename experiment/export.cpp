@@ -1,6 +1,10 @@
 #include "experiment/export.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <fstream>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -246,13 +250,32 @@ std::string from_run(const fs::path& run_dir) {
     refuse(run_dir, why);
 }
 
+/// Refuses what does not begin as a policy file before it is read: a device has no end, and another file may
+/// be larger than the memory.
+std::string read_policy_file(const fs::path& path) {
+    const auto refuse_file = [&](std::string_view why) {
+        throw std::runtime_error(fmt::format("'{}' is not a policy file: {}", path.string(), why));
+    };
+    std::error_code error;
+    if (fs::exists(path, error) && !fs::is_regular_file(path, error)) refuse_file("it is no regular file");
+    std::ifstream file(path, std::ios::binary);
+    std::array<char, sizeof(std::uint64_t)> header{};  // its length
+    if (file && (!file.read(header.data(), header.size()) ||
+                 std::bit_cast<std::uint64_t>(header) > fs::file_size(path) - header.size())) {
+        refuse_file(
+            "it does not begin with the header of one, or is cut off in it; cale export RUN -o FILE makes "
+            "one");
+    }
+    return read_file(path);  // which says why, where it cannot be opened
+}
+
 }  // namespace
 
 std::string policy_file_of(const fs::path& path) {
     auto where = fs::absolute(path).lexically_normal();
     if (!where.has_filename()) where = where.parent_path();  // a slash at the end
     if (where.filename() == "agent.safetensors") where = where.parent_path();
-    if (!fs::is_directory(where)) return read_file(path);
+    if (!fs::is_directory(where)) return read_policy_file(path);
     if (!fs::exists(where / "agent.safetensors")) {
         if (fs::exists(where / "config.yaml")) return from_run(where);
         refuse(path, "it is the folder of neither a run nor a checkpoint");

@@ -31,6 +31,7 @@ Outcome train_beside(Agent& agent, const EnvConfig& env, const TrainConfig& conf
         games.state();
         given_step = state.step;
     };
+    if (!options.resume || options.changed) give_state();
     std::vector<Episode> ended;
     bool stop = agreed_to_stop(options.processes, /*meeting=*/true);
     while (state.step < config.total_steps && !stop) {

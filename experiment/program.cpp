@@ -8,14 +8,15 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <new>
 #include <optional>
-#include <set>
 #include <thread>
 
+#include <ATen/Context.h>
+#include <ATen/Parallel.h>
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <torch/cuda.h>
 #include <torch/types.h>
 #include <nlohmann/json.hpp>
 
@@ -24,6 +25,7 @@
 #include "experiment/checkpoint.h"
 #include "experiment/command_line.h"
 #include "experiment/files.h"
+#include "experiment/resume.h"
 #include "experiment/run_lock.h"
 #include "experiment/threads.h"
 #include "experiment/training.h"
@@ -35,20 +37,6 @@ namespace fs = std::filesystem;
 namespace {
 
 enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
-
-/// A resumed run may be made longer, and watched in another way; nothing else may differ.
-const std::set<std::string, std::less<>> kMayDifferOnResume = {"train.total_steps",
-                                                               "train.checkpoint_every",
-                                                               "train.keep_checkpoints",
-                                                               "train.save_replay",
-                                                               "eval.every",
-                                                               "eval.episodes",
-                                                               "eval.noop_max",
-                                                               "eval.video",
-                                                               "log.every",
-                                                               "log.tensorboard",
-                                                               "env.rom_dir",
-                                                               "env.env_threads"};
 
 /// The other processes that this one was started with, once they are all there.
 ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Program& program,
@@ -92,22 +80,8 @@ std::optional<ProcessPlace> find_place(const Program& program) {
 
 /// Several processes on a machine take a CUDA device each.
 torch::Device choose_device(const std::string& wish, const std::optional<ProcessPlace>& place) {
-    const bool cuda = torch::cuda::is_available();
-    torch::Device device(wish != "auto" ? wish : cuda ? "cuda" : "cpu");
-    if (!device.is_cuda()) return device;
-    if (!cuda) {
-        throw ConfigError(
-            fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
-                        "--cuda on a machine "
-                        "with an NVIDIA GPU",
-                        wish));
-    }
-    if (place && !device.has_index()) device.set_index(static_cast<c10::DeviceIndex>(place->local_rank));
-    if (device.index() >= static_cast<int>(torch::cuda::device_count())) {
-        throw ConfigError(fmt::format("--device {}: {} is not there; this machine has {}, counted from 0",
-                                      wish, device.str(), torch::cuda::device_count()));
-    }
-    return device;
+    if (!place) return find_device(wish);
+    return find_device(wish, static_cast<std::uint64_t>(place->local_rank));
 }
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads
@@ -162,11 +136,45 @@ void create_run_dir(const fs::path& run_dir) {
                             run_dir.string()));
         }
     }
-    fs::create_directories(run_dir);
+    std::error_code refused;
+    fs::create_directories(run_dir, refused);
+    if (refused) {
+        throw ConfigError(fmt::format("--run-dir {}: the folder cannot be made ({}); choose another one",
+                                      run_dir.string(), refused.message()));
+    }
 }
 
-/// What differs from the run's config.yaml, as a list for a sentence. Throws ResumeError unless all of it may
-/// differ, or was accepted and does not make another game of the games under way.
+/// What differs from the settings that the run was trained with. Its newest checkpoint has them, whatever has
+/// been written into the run's config.yaml since.
+std::vector<ConfigDifference> changes_since(const Program& program, const fs::path& run_dir) {
+    const auto checkpoints = list_checkpoints(run_dir);
+    for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
+        try {
+            return program.table.differences(*folder / "config.yaml");
+        } catch (const ConfigError&) {
+            // Damaged, as the manifest will tell: then the one before is resumed from.
+        }
+    }
+    return program.table.differences(run_dir / "config.yaml");
+}
+
+/// What is behind a run cannot be undone.
+void check_length(const Program& program, const fs::path& run_dir) {
+    const auto checkpoints = list_checkpoints(run_dir);
+    if (checkpoints.empty()) return;
+    const auto name = checkpoints.back().filename().string();  // step_000250000
+    std::int64_t step = 0;
+    std::from_chars(name.data() + 5, name.data() + name.size(), step);
+    if (step > program.train.total_steps) {
+        throw ResumeError(
+            fmt::format("--resume {}: it is at agent step {} already, and train.total_steps is {}; "
+                        "let it be more",
+                        run_dir.string(), step, program.train.total_steps));
+    }
+}
+
+/// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
+/// and do not make other games of those under way.
 std::string accepted_changes(const Program& program, const fs::path& run_dir, bool accept) {
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
@@ -174,8 +182,8 @@ std::string accepted_changes(const Program& program, const fs::path& run_dir, bo
                                       file.string(), run_dir.string()));
     }
     std::string different, of_the_games;
-    for (const auto& [key, now, before] : program.table.differences(file)) {
-        if (kMayDifferOnResume.contains(key)) continue;
+    for (const auto& [key, now, before] : changes_since(program, run_dir)) {
+        if (std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) continue;
         const auto change = fmt::format("{} was {} and is now {}", key, before, now);
         different += (different.empty() ? "" : ", ") + change;
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
@@ -183,7 +191,8 @@ std::string accepted_changes(const Program& program, const fs::path& run_dir, bo
     if (!different.empty() && !accept) {
         throw ResumeError(
             fmt::format("--resume {}: another configuration: {}; resume with the run's own (leave "
-                        "--config and --set out), say --accept-changes, or start a new run",
+                        "--config and --set out, and its config.yaml as it was), say --accept-changes, or "
+                        "start a new run",
                         run_dir.string(), different));
     }
     if (!of_the_games.empty()) {
@@ -192,6 +201,7 @@ std::string accepted_changes(const Program& program, const fs::path& run_dir, bo
                         "environment: {}; start a new run",
                         run_dir.string(), of_the_games));
     }
+    check_length(program, run_dir);
     return different;
 }
 
@@ -254,7 +264,7 @@ int run(const Program& program, int argc, const char* const* argv) {
         game = &find_game(program.env.game);
         rom = find_rom(program.env.game, program.env.rom_dir);
     } catch (const std::exception& error) {
-        throw ConfigError(fmt::format("env.game: {}", error.what()));
+        throw ConfigError(error.what());
     }
     const auto place = find_place(program);
     const torch::Device device = choose_device(line.device, place);
@@ -305,6 +315,8 @@ int run(const Program& program, int argc, const char* const* argv) {
     options.run_dir = run_dir;
     options.processes = processes;
     options.resume = line.resume;
+    options.changed = !changes.empty();
+    options.config = program.table.to_yaml();
     options.resumed = [&] {
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         if (changes.empty()) return;
@@ -329,8 +341,26 @@ int run(const Program& program, int argc, const char* const* argv) {
     for (const auto& entry : program.table.entries())
         options.hyperparameters.emplace_back(entry.key, entry.get());
 
-    const Outcome outcome = train(*agent, program.env, program.train, program.eval, program.log, options);
-    return outcome == Outcome::finished ? kDone : kInterrupted;
+    try {
+        const Outcome outcome = train(*agent, program.env, program.train, program.eval, program.log, options);
+        return outcome == Outcome::finished ? kDone : kInterrupted;
+    } catch (const ResumeError& error) {
+        if (changes.empty()) throw;
+        throw ResumeError(
+            fmt::format("--accept-changes: what is stored may not fit {}: {}; take that back, or "
+                        "start a new run",
+                        changes, error.what()));
+    }
+}
+
+constexpr const char* kNoMemory =
+    "there is not enough memory; make batches, networks, rollouts or the replay smaller, or free some";
+
+/// What LibTorch says, but for memory, of which it tells line numbers in its sources.
+std::string sentence_of(std::string_view error) {
+    const bool memory =
+        error.find("can't allocate memory") != error.npos || error.find("out of memory") != error.npos;
+    return std::string(memory ? kNoMemory : error);
 }
 
 }  // namespace
@@ -348,7 +378,9 @@ int run_program(const Program& program, int argc, const char* const* argv) {
         return fail(error, kCannotResume);
     } catch (const c10::Error& error) {
         // LibTorch's what() carries a stack trace.
-        return fail(std::runtime_error(error.what_without_backtrace()), kFailed);
+        return fail(std::runtime_error(sentence_of(error.what_without_backtrace())), kFailed);
+    } catch (const std::bad_alloc&) {
+        return fail(std::runtime_error(kNoMemory), kFailed);
     } catch (const std::exception& error) {
         return fail(error, kFailed);
     }

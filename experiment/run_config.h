@@ -6,6 +6,7 @@
 
 #include "cale/env.h"
 #include "cale/fields.h"
+#include "cale/games.h"
 #include "experiment/config.h"
 
 namespace cale {
@@ -82,6 +83,7 @@ ConfigTable settings_of(RunConfig<AgentConfig>& config) {
     config.env.action_space = AgentConfig::kActionSpace;
     ConfigTable table;
     table.add("env", config.env);
+    table.check("env.game", [](const std::string& game) { find_game(game); });
     table.add("agent", config.agent);
     table.add("train", config.train);
     table.add("eval", config.eval);

@@ -116,6 +116,8 @@ class Run {
             console_.message(fmt::format("Resumed at agent step {}.", state_.step));
             if (options_.resumed) options_.resumed();
         }
+        // So that a run can go on from its first step on, and remembers what was changed.
+        if (!resumed_ || options_.changed) checkpoint();
         if (state_.evaluation_due) state_.evaluation_due = !run_evaluation();
         std::vector<Episode> ended;
         bool stop = agreed_to_stop(options_.processes, /*meeting=*/true);
@@ -272,7 +274,8 @@ class Run {
         state_.seconds = stopwatch_.seconds();
         state_.episodes_offset = episodes_.offset();
         state_.progress_rows = progress_.rows();
-        RunSnapshot snapshot{.state = state_, .agent = agent_.state(), .games = games_.state()};
+        RunSnapshot snapshot{
+            .state = state_, .agent = agent_.state(), .games = games_.state(), .config = options_.config};
         if (config_.save_replay && agent_.replay() != nullptr)
             snapshot.replay.emplace(agent_.replay()->snapshot());
         checkpoints_.start(std::move(snapshot));
@@ -297,11 +300,11 @@ class Run {
         }
         write_evaluation(csv, result);
         if (events_) events_->write(state_.step, {{"eval/episodic_return", result.mean_return}});
-        console_.message(
-            fmt::format("Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "
-                        "{} games; {}{}",
-                        state_.step, result.mean_return, result.standard_deviation, result.games.size(),
-                        csv.string(), eval_.video ? ", " + video.string() : ""));
+        console_.message(fmt::format(
+            "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "
+            "{} game{}; {}{}",
+            state_.step, result.mean_return, result.standard_deviation, result.games.size(),
+            result.games.size() == 1 ? "" : "s", csv.string(), eval_.video ? ", " + video.string() : ""));
         return true;
     }
 

@@ -18,9 +18,11 @@ struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
     bool resume = false;
     std::function<void()> resumed = {};  // called once the run's state has been loaded
+    bool changed = false;                // with resume: settings differ from the checkpoint's
     bool progress_bar = true;
     ProcessGroup processes{};  // that train together; the first one writes the files
     std::string agent_name;    // "sac", for episodes.csv
+    std::string config;        // all settings as YAML, for the checkpoints
     std::vector<std::pair<std::string, std::string>> header;           // what the console shows first
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };

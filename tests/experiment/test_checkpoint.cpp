@@ -59,7 +59,8 @@ class Checkpoints : public testing::Test {
     RunSnapshot snapshot() {
         RunSnapshot snapshot{.state = {.step = agent.steps, .recent_returns = {1, 2}},
                              .agent = agent.state(),
-                             .games = {{"frames", torch::arange(10)}}};
+                             .games = {{"frames", torch::arange(10)}},
+                             .config = "env: {game: pong}\n"};
         snapshot.replay.emplace(agent.replay()->snapshot());
         return snapshot;
     }
@@ -162,18 +163,18 @@ TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
     const auto folder = write_at(100);
     fs::remove(folder / "manifest.json");
     EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("written by an older cale")));
-    write_file_atomically(folder / "manifest.json", R"({"format_version": 4, "files": {}})");
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 5, "files": {}})");
     EXPECT_THAT([&] { load(); },
-                ThrowsMessage<ResumeError>(HasSubstr("version 4, this program reads version 3")));
+                ThrowsMessage<ResumeError>(HasSubstr("version 5, this program reads version 4")));
     for (const auto* manifest :
-         {"", "[]", R"({"format_version": 3, "files": {"../x": {"bytes": 1, "crc32c": "00"}}})",
-          R"({"format_version": 3, "files": {"a": {"bytes": -1, "crc32c": "0g"}}})"}) {
+         {"", "[]", R"({"format_version": 4, "files": {"../x": {"bytes": 1, "crc32c": "00"}}})",
+          R"({"format_version": 4, "files": {"a": {"bytes": -1, "crc32c": "0g"}}})"}) {
         write_file_atomically(folder / "manifest.json", manifest);
         EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("manifest.json is damaged")))
             << manifest;
     }
-    write_file_atomically(folder / "manifest.json", R"({"format_version": 3, "files": {}})");
-    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("it lacks agent.safetensors")));
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 4, "files": {}})");
+    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors")));
 }
 
 TEST_F(Checkpoints, OnlyTheNewestStay) {

@@ -132,7 +132,23 @@ TEST_F(CommandLineTest, ResumeTakesTheRunsOwnConfiguration) {
     EXPECT_EQ(parse({"--resume", "--run-dir", (folder_ / "nothing").string()}).config_file, "");
 }
 
+TEST_F(CommandLineTest, ARunOfAnotherAgentIsNamedAsSuch) {
+    folder_.write("config.yaml", "agent:\n  atoms: 51\n");
+    folder_.write("metadata.json", R"({"program": "train_y"})");
+    const auto run_dir = folder_.path().string();
+    EXPECT_EQ(error({"--resume", "--run-dir", run_dir}),
+              "--resume --run-dir " + run_dir + ": this is a run of train_y, which goes on with it");
+    folder_.write("config.yaml", "env:\n  threshold: 0.125\n");
+    for (const auto* damaged : {"", "[]", R"({"program": 3})", R"({"program": "train_x"})"}) {
+        folder_.write("metadata.json", damaged);
+        parse({"--resume", "--run-dir", run_dir});
+    }
+}
+
 TEST_F(CommandLineTest, MistakesAreOneSentence) {
+    EXPECT_EQ(error({"--no-progress=3"}), "--no-progress takes no value (see train_x --help)");
+    EXPECT_EQ(error({"--resume=yes", "--run-dir", "x"}), "--resume takes no value (see train_x --help)");
+    EXPECT_EQ(error({"--run-dir", ""}), "--run-dir: needs a value that is not empty (see train_x --help)");
     EXPECT_EQ(error({"--sede", "3"}), "unknown option '--sede'; did you mean '--seed'? (see train_x --help)");
     EXPECT_EQ(error({"--trehsold=3"}), "unknown option '--trehsold' (see train_x --help)");
     EXPECT_EQ(error({"-x"}), "unknown option '-x' (see train_x --help)");
@@ -160,6 +176,16 @@ TEST_F(CommandLineTest, Devices) {
     }
     EXPECT_EQ(error({"--device", "gpu"}),
               "--device must be auto, cpu, cuda or cuda:<index>, not 'gpu' (see train_x --help)");
+}
+
+TEST_F(CommandLineTest, DevicesThatAreNotThere) {
+    const auto refused = [](const std::string& wish) {
+        return test::error_of<ConfigError>([&] { find_device(wish); });
+    };
+    EXPECT_TRUE(find_device("cpu").is_cpu());
+    EXPECT_EQ(refused("auto"), "no error");
+    EXPECT_EQ(refused("foo"), "--device must be auto, cpu, cuda or cuda:<index>, not 'foo'");
+    EXPECT_THAT(refused("cuda:999"), StartsWith("--device cuda:999: "));
 }
 
 TEST_F(CommandLineTest, Threads) {

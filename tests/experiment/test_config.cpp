@@ -293,6 +293,18 @@ TEST_F(Config, WrongValuesNameTheirPlace) {
     EXPECT_EQ(load_error("fruit:\n  ? [a]\n  : 5\n"), "x.yaml:2:5: a key must be a word");
 }
 
+TEST_F(Config, TextsMayBeChecked) {
+    table_.check("fruit.label", [](const std::string& text) {
+        if (text != "apple") throw std::invalid_argument("there is no fruit '" + text + "'");
+    });
+    EXPECT_EQ(load_error("fruit:\n  label: aple\n"), "x.yaml:2:10: fruit.label: there is no fruit 'aple'");
+    EXPECT_EQ(override_error("fruit.label=aple"),
+              "--set fruit.label=aple: fruit.label: there is no fruit 'aple'");
+    table_.set_override("fruit.label=apple");
+    EXPECT_EQ(fruit_.label, "apple");
+    EXPECT_THROW(table_.check("fruit.colour", {}), std::logic_error);
+}
+
 TEST_F(Config, ErrorsStayOnOneLineWhateverTheyQuote) {
     EXPECT_EQ(load_error("fruit:\n  count: \"a\\nb\\e\"\n"),
               "x.yaml:2:10: fruit.count must be an integer, not 'a\\x0ab\\x1b'");

@@ -71,7 +71,8 @@ class DistributedEmulator : public testing::Test {
 
     /// Everything but what is computed in floating point, to the bit; that within 1e-4.
     static void expect_same_run(const fs::path& found, const fs::path& expected) {
-        EXPECT_EQ(read_file(found / "episodes.csv"), read_file(expected / "episodes.csv"));
+        for (const auto* name : {"episodes.csv", "joystick_events.csv"})
+            EXPECT_EQ(read_file(found / name), read_file(expected / name)) << name;
         const auto checkpoint = list_checkpoints(expected).back().filename();
         const auto file = [&](const fs::path& folder, const char* name) {
             return load_safetensors(folder / "checkpoints" / checkpoint / name).tensors;

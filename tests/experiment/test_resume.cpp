@@ -99,6 +99,8 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
     const auto last = [](const fs::path& run) { return list_checkpoints(run).back(); };
     EXPECT_EQ(read_file(killed / "episodes.csv"), read_file(whole / "episodes.csv"))
         << "killed after" << instants;
+    EXPECT_EQ(read_file(killed / "joystick_events.csv"), read_file(whole / "joystick_events.csv"))
+        << instants;
     EXPECT_EQ(metrics_of(killed), metrics_of(whole)) << "killed after" << instants;
     const auto files_of = [](const fs::path& checkpoint) {
         std::map<std::string, std::string> files;

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <numeric>
 #include <random>
 #include <sstream>
 
@@ -51,19 +53,23 @@ class ScribeAgent : public Agent {
     void observe(const Experiences& experiences) override {
         calls += 'o';
         steps += num_envs_;
-        for (const auto& result : experiences.results) rewards += result.reward;
+        for (const auto& result : experiences.results) {
+            rewards += result.reward;
+            ++events[static_cast<std::size_t>(result.event)];
+        }
         if (steps == interrupt_at) raise(SIGINT);
     }
     bool update(const torch::Tensor&) override {
         calls += 'u';
         return false;
     }
-    std::map<std::string, double> metrics() override { return {{"losses/qf_loss", loss}}; }
+    std::map<std::string, double> metrics() override { return {{"losses/qf_loss", 0.5}}; }
     TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
     void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
 
     std::int64_t steps = 0, evaluated = 0, interrupt_at = -1;
-    double rewards = 0, loss = 0.5;
+    double rewards = 0;
+    EventCounts events{};
     std::string calls;
     std::vector<bool> first_frames_blank;
 
@@ -178,6 +184,40 @@ TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
     EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
 }
 
+TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {
+    struct Killed {};
+    struct KilledAgent : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (steps == 3) throw Killed();
+            return ScribeAgent::act(observations, mode);
+        }
+    } killed(1);
+    EXPECT_THROW(train(killed), Killed);
+    ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
+    options.resume = true;
+    ScribeAgent resumed(1);
+    EXPECT_EQ(train(resumed), Outcome::finished);
+    const auto episodes = read_file(folder.path() / "episodes.csv");
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    options.resume = false;
+    ScribeAgent undisturbed(1);
+    EXPECT_EQ(train(undisturbed), Outcome::finished);
+    EXPECT_EQ(read_file(place.path() / "episodes.csv"), episodes);
+}
+
+TEST_F(TrainingEmulator, CountsWhatIsAskedOfTheJoystick) {
+    env.num_envs = 2;
+    ScribeAgent agent(2);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(std::accumulate(agent.events.begin(), agent.events.end(), 0), 400)
+        << "no evaluation among them";
+    EXPECT_EQ(read_file(folder.path() / "joystick_events.csv"), event_table(agent.events));
+    EXPECT_LE(std::ranges::count(agent.events, 0), 4) << "nearly all of the 18 come up";
+}
+
 TEST_F(TrainingEmulator, CountsTheReturnsOfEveryEnvironment) {
     env.num_envs = 3;
     eval.episodes = 0;
@@ -216,7 +256,7 @@ TEST_F(TrainingEmulator, AnInterruptLeavesACheckpoint) {
     ScribeAgent agent(1);
     agent.interrupt_at = 42;
     EXPECT_EQ(train(agent), Outcome::interrupted);
-    ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
+    ASSERT_EQ(list_checkpoints(folder.path()).size(), 2u);
     EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000042");
     EXPECT_EQ(agent.evaluated, 0);
 }
@@ -245,8 +285,12 @@ TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
 }
 
 TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
-    ScribeAgent agent(1);
-    agent.loss = std::numeric_limits<double>::quiet_NaN();
+    struct Diverging : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        std::map<std::string, double> metrics() override {
+            return {{"losses/qf_loss", steps < 50 ? 0.5 : std::numeric_limits<double>::quiet_NaN()}};
+        }
+    } agent(1);
     try {
         train(agent);
         FAIL() << "it went on";
