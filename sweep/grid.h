@@ -17,6 +17,7 @@ inline constexpr std::size_t kMostRuns = 100'000;
 struct Axis {
     std::string key;
     std::vector<std::string> values;
+    std::string place{};  // "mine.yaml:9:3": where a file has it; empty: it is of a command line
 };
 using Grid = std::vector<Axis>;
 

@@ -15,6 +15,7 @@
 
 #include "experiment/console.h"
 #include "sweep/child.h"
+#include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/sweep_console.h"
 
@@ -86,13 +87,17 @@ class LocalRunner {
             auto& job = jobs_[i];
             job.planned = &runs[i];
             job.folder = folder / runs[i].run.name;
-            job.status = status_of(job.folder, runs[i].total_steps, runs[i].evaluates);
-            if (job.status.state != RunPhase::finished) queue_.push_back(&job);
+            job.status = status_of(runs[i], job.folder);
+            if (job.status.state != RunPhase::finished && job.status.state != RunPhase::refused)
+                queue_.push_back(&job);
         }
     }
 
     int run() {
         const CountedSignals signals;
+        for (const auto& job : jobs_) {
+            if (job.status.state == RunPhase::refused) say("REFUSED", job, job.status.message);
+        }
         while (true) {
             reap();
             if (stops > 0) stop();
@@ -103,7 +108,7 @@ class LocalRunner {
         }
         console_.finish(rows());
         if (stops > 0) return kInterrupted;
-        return count(RunPhase::failed) > 0 ? kSomeFailed : kAllFinished;
+        return count(RunPhase::failed) + count(RunPhase::refused) > 0 ? kSomeFailed : kAllFinished;
     }
 
   private:
@@ -116,6 +121,10 @@ class LocalRunner {
             queue_.pop_front();
             try {
                 start(job);
+            } catch (const fs::filesystem_error& error) {
+                failed(job,
+                       fmt::format("cannot write '{}': {}", error.path1().string(), error.code().message()),
+                       /*try_again=*/true);
             } catch (const std::exception& error) {
                 failed(job, error.what(), /*try_again=*/true);
             }
@@ -132,6 +141,12 @@ class LocalRunner {
             job.status = status_of(job.folder, planned.total_steps, planned.evaluates);
             queue_.push_back(&job);
             return;
+        }
+        // Another sweep may have been at work while this one waited.
+        if (const auto reason = refusal(planned, job.folder); !reason.empty()) {
+            job.status.state = RunPhase::refused;
+            job.status.message = reason;
+            return say("REFUSED", job, reason);
         }
         if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
             job.status.state = RunPhase::finished;
@@ -214,9 +229,12 @@ class LocalRunner {
         const auto now = Clock::now();
         if (stop_at_ == Clock::time_point::max()) {
             stop_at_ = now + (interrupts > 0 ? Clock::duration{} : kGrace);
-            console_.say(fmt::format("Stopping {} run{}, which write a checkpoint first.{}", active_.size(),
-                                     active_.size() == 1 ? "" : "s",
-                                     interrupts > 0 ? " Ctrl-C again kills them." : ""));
+            const bool one = active_.size() == 1;
+            console_.say(fmt::format("Stopping {} run{}, which write{} a checkpoint first.{}", active_.size(),
+                                     one ? "" : "s", one ? "s" : "",
+                                     interrupts == 0 ? ""
+                                     : one           ? " Ctrl-C again kills it."
+                                                     : " Ctrl-C again kills them."));
         }
         if (now >= stop_at_ && !std::exchange(told_, true)) {
             for (const Job* job : active_) {

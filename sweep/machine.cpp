@@ -1,6 +1,9 @@
 #include "sweep/machine.h"
 
 #include <algorithm>
+#include <charconv>
+#include <string_view>
+#include <system_error>
 
 #include <fmt/format.h>
 #include <sched.h>
@@ -21,8 +24,26 @@ void check_device(const std::string& device) {
                         device));
 }
 
+/// A GPU that is not there would fail every run, one after the other.
+void check_presence(const std::string& device, int gpus) {
+    if (device == "cpu") return;
+    if (gpus == 0)
+        throw ConfigError(
+            fmt::format("--device {}: LibTorch finds no GPU on this machine; use --device cpu", device));
+    if (device == "cuda") return;
+    int index = 0;
+    const auto number = std::string_view(device).substr(5);
+    const auto error = std::from_chars(number.data(), number.data() + number.size(), index).ec;
+    if (error != std::errc{} || index >= gpus)
+        throw ConfigError(fmt::format("--device {}: this machine has {} GPU{}, and cuda:{} is the last",
+                                      device, gpus, gpus == 1 ? "" : "s", gpus - 1));
+}
+
 std::vector<std::string> devices_of(const Machine& machine, const Sharing& sharing) {
-    for (const auto& device : sharing.devices) check_device(device);
+    for (const auto& device : sharing.devices) {
+        check_device(device);
+        check_presence(device, machine.gpus);
+    }
     if (!sharing.devices.empty()) return sharing.devices;
     std::vector<std::string> devices;
     devices.reserve(static_cast<std::size_t>(machine.gpus));

@@ -1,7 +1,6 @@
 #include "sweep/plan.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdlib>
 #include <map>
 #include <set>
@@ -12,7 +11,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
-#include <yaml-cpp/yaml.h>
 
 #include "cale/env.h"
 #include "experiment/config.h"
@@ -27,18 +25,6 @@ namespace {
 constexpr std::int64_t kMemoryOfProcess = 900'000'000;
 /// A stored transition: a frame of 84 x 84, the action, the reward and the bookkeeping.
 constexpr std::int64_t kMemoryOfTransition = 7'400;
-
-/// The settings of a run that matter to its plan.
-constexpr std::array<std::string_view, 4> kPlanKeys = {"train.total_steps", "eval.episodes",
-                                                       "agent.replay_capacity", "env.rom_dir"};
-
-bool is_plan_key(std::string_view key) {
-    return std::find(kPlanKeys.begin(), kPlanKeys.end(), key) != kPlanKeys.end();
-}
-
-std::string assignment(const Setting& setting) {
-    return fmt::format("{}={}", setting.key, setting.value);
-}
 
 /// Agents whose programs lie in `folder`.
 std::vector<std::string> agents_in(const fs::path& folder) {
@@ -68,32 +54,38 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
                                                 : fmt::format("did you mean '{}'?", guess)));
 }
 
+/// A program's objection. One to a setting that the sweep's file has names the place there in the stead of
+/// the option by which the program was told.
+std::string objection(const Sweep& sweep, const std::string& sentence) {
+    constexpr std::string_view option = ": --set ";
+    const auto at = sentence.find(option);
+    if (at != sentence.npos) {
+        const auto told = std::string_view(sentence).substr(at + option.size());
+        for (const auto& [setting, place] : sweep.places) {
+            if (told.starts_with(setting + ": "))
+                return fmt::format("{}: {}{}", place, sentence.substr(0, at), told.substr(setting.size()));
+        }
+    }
+    return fmt::format("{}: {}", sweep.name, sentence);
+}
+
 /// What the program would run with, as YAML; ConfigError with its own sentence if it objects.
-YAML::Node resolved_config(const std::string& sweep, std::vector<std::string> command) {
+std::string printed_config(const Sweep& sweep, std::vector<std::string> command) {
     command.emplace_back("--print-config");
     const auto text = shell_text(command);
     const auto answer = answer_of(text + " 2>/dev/null");
-    if (answer.status == 0) return YAML::Load(answer.text);
+    if (answer.status == 0) return answer.text;
     const auto sentence = without_line_end(answer_of(text + " 2>&1 >/dev/null").text);
-    throw ConfigError(fmt::format("{}: {}", sweep, sentence.empty() ? text + " fails" : sentence));
+    throw ConfigError(objection(sweep, sentence.empty() ? text + " fails" : sentence));
 }
 
-std::int64_t number(const YAML::Node& config, const char* section, const char* name, std::int64_t otherwise) {
-    const auto node = config[section] ? config[section][name] : YAML::Node();
-    return node ? node.as<std::int64_t>(otherwise) : otherwise;
-}
+/// A program and the configuration file that it reads, if any.
+using Base = std::vector<std::string>;
 
-/// Runs that share a program, a configuration file and the values of all keys that matter to the plan.
-using Group = std::pair<std::vector<std::string>, std::vector<std::string>>;  // program and file; KEY=VALUE
-
-Group group_of(const fs::path& program, const SweepRun& run) {
-    Group group;
-    group.first.push_back(program.string());
-    if (!run.config.empty()) group.first.insert(group.first.end(), {"--config", run.config.string()});
-    for (const auto& setting : run.settings) {
-        if (is_plan_key(setting.key)) group.second.push_back(assignment(setting));
-    }
-    return group;
+Base base_of(const fs::path& program, const SweepRun& run) {
+    Base base = {program.string()};
+    if (!run.config.empty()) base.insert(base.end(), {"--config", run.config.string()});
+    return base;
 }
 
 void check_rom(const SweepRun& run, const std::string& rom_dir) {
@@ -106,43 +98,51 @@ void check_rom(const SweepRun& run, const std::string& rom_dir) {
 
 }  // namespace
 
+const std::string* planned_value(const PlannedRun& planned, std::string_view key) {
+    for (const auto& setting : planned.run.settings) {
+        if (setting.key == key) return &setting.value;
+    }
+    if (planned.base == nullptr) return nullptr;
+    const auto found = planned.base->find(key);
+    return found == planned.base->end() ? nullptr : &found->second;
+}
+
 std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
     std::map<std::string, fs::path> programs;
-    // All values of the other settings are checked in one go: a program reads its arguments in order.
-    std::map<std::vector<std::string>, std::set<std::string>> other_settings;
+    std::map<Base, std::set<std::string>> settings;
     for (const auto& run : sweep.runs) {
         if (!programs.contains(run.agent)) programs[run.agent] = find_program(run.agent, folder);
-        auto& others = other_settings[group_of(programs[run.agent], run).first];
-        for (const auto& setting : run.settings) {
-            if (!is_plan_key(setting.key)) others.insert(assignment(setting));
-        }
+        auto& of_base = settings[base_of(programs[run.agent], run)];
+        for (const auto& setting : run.settings) of_base.insert(assignment(setting));
     }
 
-    std::map<Group, YAML::Node> configs;
+    std::map<Base, std::shared_ptr<const SettingTexts>> bases;
+    for (const auto& [base, assignments] : settings) {
+        bases[base] = std::make_shared<SettingTexts>(settings_in(printed_config(sweep, base)));
+        // The values of all runs are checked in one go: a program reads its arguments in order.
+        auto command = base;
+        command.insert(command.end(), assignments.begin(), assignments.end());
+        static_cast<void>(printed_config(sweep, std::move(command)));
+    }
+
     std::set<std::pair<std::string, std::string>> roms;
     std::vector<PlannedRun> planned;
     for (const auto& run : sweep.runs) {
-        const auto group = group_of(programs[run.agent], run);
-        if (!configs.contains(group)) {
-            auto command = group.first;
-            const auto& others = other_settings[group.first];
-            command.insert(command.end(), others.begin(), others.end());
-            command.insert(command.end(), group.second.begin(), group.second.end());
-            configs.emplace(group, resolved_config(sweep.name, std::move(command)));
-        }
-        const auto& config = configs.at(group);
-        const auto rom_dir = config["env"] && config["env"]["rom_dir"]
-                                 ? config["env"]["rom_dir"].as<std::string>("")
-                                 : std::string();
-        if (roms.emplace(run.game, rom_dir).second) check_rom(run, rom_dir);
+        const auto& program = programs.at(run.agent);
+        PlannedRun next{.run = run, .program = program, .base = bases.at(base_of(program, run))};
+        const auto* rom_dir = planned_value(next, "env.rom_dir");
+        const auto rom = std::pair(run.game, rom_dir != nullptr ? *rom_dir : "");
+        if (roms.insert(rom).second) check_rom(run, rom.second);
 
-        const auto total_steps = number(config, "train", "total_steps", 0);
-        const auto stored = std::min(number(config, "agent", "replay_capacity", 0), total_steps);
-        planned.push_back({.run = run,
-                           .program = programs[run.agent],
-                           .total_steps = total_steps,
-                           .evaluates = number(config, "eval", "episodes", 0) > 0,
-                           .memory = kMemoryOfProcess + stored * kMemoryOfTransition});
+        const auto integer = [&](std::string_view key) {
+            const auto* text = planned_value(next, key);
+            return text != nullptr ? integer_in(*text) : 0;
+        };
+        next.total_steps = integer("train.total_steps");
+        next.evaluates = integer("eval.episodes") > 0;
+        const auto stored = std::min(integer("agent.replay_capacity"), next.total_steps);
+        next.memory = kMemoryOfProcess + stored * kMemoryOfTransition;
+        planned.push_back(std::move(next));
     }
     return planned;
 }

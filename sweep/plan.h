@@ -3,10 +3,13 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "sweep/settings.h"
 #include "sweep/sweep_file.h"
 
 namespace cale {
@@ -18,7 +21,12 @@ struct PlannedRun {
     std::int64_t total_steps = 0;   // agent steps
     bool evaluates = true;          // whether the run ends with an evaluation
     std::int64_t memory = 0;  // bytes that it will take, estimated: the replay once it is full, and the rest
+    // All settings of its configuration file and its program, which many runs share; run.settings go before.
+    std::shared_ptr<const SettingTexts> base{};
 };
+
+/// What a setting of the run is to be; nullptr where its program has no such setting.
+const std::string* planned_value(const PlannedRun& planned, std::string_view key);
 
 /// Asks the program of every agent for its settings, which it checks: keys, types and ranges. Looks for
 /// the programs in `folder`, then on the PATH, and for the ROM of every game.

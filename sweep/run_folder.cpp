@@ -91,8 +91,8 @@ struct flock whole_file(short type) {
 }  // namespace
 
 std::string_view name_of(RunPhase state) {
-    constexpr std::array<std::string_view, 5> names = {"waiting", "interrupted", "running", "finished",
-                                                       "failed"};
+    constexpr std::array<std::string_view, 6> names = {"waiting",  "interrupted", "running",
+                                                       "finished", "failed",      "refused"};
     return names[static_cast<std::size_t>(state)];
 }
 
@@ -108,6 +108,7 @@ bool is_finished(const fs::path& folder, std::int64_t total_steps, bool evaluate
 
 RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evaluates) {
     RunStatus status;
+    std::error_code ignored;
     read_newest_report(folder / "progress.csv", status);
     const auto checkpoint = newest_checkpoint(folder);
     status.step = std::max(status.step, checkpoint.value_or(0));
@@ -115,7 +116,7 @@ RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evalu
         status.state = RunPhase::running;
     } else if (is_finished(folder, total_steps, evaluates)) {
         status.state = RunPhase::finished;
-    } else if (fs::exists(folder / kFailure)) {
+    } else if (fs::exists(folder / kFailure, ignored)) {
         status.state = RunPhase::failed;
         status.message = tail(folder / kFailure, 4096);
     } else if (checkpoint) {

@@ -11,8 +11,8 @@
 namespace cale {
 
 /// waiting: nothing done that counts. interrupted: it has a checkpoint to go on from. running: a living
-/// process is at work in the folder.
-enum class RunPhase { waiting, interrupted, running, finished, failed };
+/// process is at work in the folder. refused: what is there is another run (see refusal()).
+enum class RunPhase { waiting, interrupted, running, finished, failed, refused };
 std::string_view name_of(RunPhase state);
 
 struct RunStatus {
@@ -20,14 +20,14 @@ struct RunStatus {
     std::int64_t step = 0;                // agent steps, as its newest report or checkpoint says
     double steps_per_second = 0;          // of its newest report
     std::optional<double> mean_return{};  // of its newest 100 episodes, at its newest report
-    std::string message{};                // why it failed
+    std::string message{};                // why it failed or is refused
 };
 
 /// Whether the run has nothing left to do: its newest checkpoint has `total_steps` and, where it `evaluates`,
 /// the evaluation at its end is written.
 bool is_finished(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
 
-/// The status of the run in `folder`, which need not exist.
+/// The status of the run in `folder`, which need not exist, whatever its settings.
 RunStatus status_of(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
 
 /// Agent steps of the newest checkpoint; none where there is no checkpoint.

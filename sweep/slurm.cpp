@@ -11,6 +11,7 @@
 
 #include "experiment/config.h"
 #include "experiment/files.h"
+#include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"
 
@@ -121,16 +122,17 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
     const auto queued = queued_runs(folder);
     std::vector<std::string> names;
     for (const auto& planned : runs) {
-        const auto state = status_of(folder / planned.run.name, planned.total_steps, planned.evaluates).state;
-        if (state == RunPhase::finished || state == RunPhase::running || queued.contains(planned.run.name))
+        const auto state = status_of(planned, folder / planned.run.name).state;
+        if (state == RunPhase::finished || state == RunPhase::running || state == RunPhase::refused ||
+            queued.contains(planned.run.name))
             continue;
         names.push_back(planned.run.name);
     }
-    const auto memory = options.memory > 0 ? options.memory : largest_memory(runs);
-
-    fs::create_directories(folder / "slurm");
     std::vector<std::string> lines;
-    const auto most = names.empty() ? 0 : largest_array();
+    if (names.empty()) return lines;
+    const auto memory = options.memory > 0 ? options.memory : largest_memory(runs);
+    const auto most = largest_array();
+    fs::create_directories(folder / "slurm");
     for (std::size_t first = 0; first < names.size(); first += most) {
         const auto part = std::span(names).subspan(first, std::min(most, names.size() - first));
         const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);

@@ -32,9 +32,9 @@ std::string slurm_script(const std::filesystem::path& folder, std::span<const st
 /// queue, nor where there is no squeue. Throws std::runtime_error with squeue's own sentence.
 std::map<std::string, std::string> queued_runs(const std::filesystem::path& folder);
 
-/// Submits what is neither finished nor queued nor at work, in arrays as large as the cluster allows, and
-/// returns a line for each of them. Which task is which run stands in `folder`/slurm.json.
-/// Throws ConfigError where there is no sbatch, std::runtime_error with sbatch's own sentence.
+/// Submits what is neither finished nor queued nor at work nor refused, in arrays as large as the cluster
+/// allows, and returns a line for each of them. Which task is which run stands in `folder`/slurm.json. Throws
+/// ConfigError where there is no sbatch, std::runtime_error with sbatch's own sentence.
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
                                 const SlurmOptions& options);
 

@@ -1,7 +1,9 @@
 #include "sweep/sweep.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <system_error>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,6 +14,7 @@
 #include "experiment/config.h"
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
+#include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"
 #include "sweep/slurm.h"
@@ -43,37 +46,74 @@ std::size_t width_of(std::FILE* out) {
     return ::ioctl(::fileno(out), TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : unlimited;
 }
 
-void show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std::FILE* out) {
+// ---- the sweep's folder -------------------------------------------------------------
+
+[[noreturn]] void refuse_folder(const fs::path& folder, const std::string& why) {
+    throw ConfigError(fmt::format("{}: {}; name another folder by --dir", folder.string(), why));
+}
+
+/// Throws ConfigError where something is there that cannot hold runs.
+void check_folder(const fs::path& folder) {
+    std::error_code error;
+    const auto there = fs::status(folder, error);
+    if (there.type() == fs::file_type::not_found) return;
+    if (there.type() == fs::file_type::none) refuse_folder(folder, error.message());
+    if (!fs::is_directory(there)) refuse_folder(folder, "it is a file, not a folder");
+    if (::access(folder.c_str(), R_OK | X_OK) != 0)
+        refuse_folder(folder,
+                      "it cannot be read: " + std::error_code(errno, std::generic_category()).message());
+}
+
+void make_folder(const fs::path& folder) {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
+    if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
+}
+
+// ---- tasks --------------------------------------------------------------------------
+
+/// Returns the exit code, as do the tasks below.
+int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std::FILE* out) {
     const auto queued = queued_runs(folder);
+    int exit_code = 0;
     std::vector<RunRow> rows;
     for (const auto& planned : runs) {
         RunRow row{.name = planned.run.name,
                    .state = {},
-                   .status = status_of(folder / planned.run.name, planned.total_steps, planned.evaluates),
+                   .status = status_of(planned, folder / planned.run.name),
                    .total_steps = planned.total_steps};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
-        if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
+        if (row.status.state == RunPhase::refused) {
+            exit_code = 1;
+        } else if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
             row.state = in_queue->second;
             if (row.state == "running") row.status.state = RunPhase::running;
         }
         rows.push_back(row);
     }
     fmt::print(out, "{}\n{}\n", table(rows, width_of(out)), summary(rows));
+    return exit_code;
 }
 
-void show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, const SweepOptions& options,
-                   const std::string& device, std::FILE* out) {
+int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, const SweepOptions& options,
+                  const std::string& device, std::FILE* out) {
+    int exit_code = 0;
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
-        if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
+        if (const auto reason = refusal(planned, place.folder); !reason.empty()) {
+            fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
+            exit_code = 1;
+        } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
             fmt::print(out, "# finished: {}\n", planned.run.name);
         } else {
             const bool resume = newest_checkpoint(place.folder).has_value();
             fmt::print(out, "{}\n", shell_text(command_of(planned, place, resume)));
         }
     }
+    return exit_code;
 }
 
 SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, const fs::path& folder) {
@@ -96,21 +136,32 @@ SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, cons
 
 int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder, const SlurmOptions& slurm,
                     const SweepOptions& options, std::FILE* out) {
-    if (options.task == SweepTask::show_commands) {
-        std::vector<std::string> names;
-        names.reserve(runs.size());
-        for (const auto& planned : runs) names.push_back(planned.run.name);
-        const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
-        fmt::print(out, "{}", slurm_script(folder, names, memory, slurm));
-        return 0;
+    std::vector<std::string> names;
+    std::string refused;
+    for (const auto& planned : runs) {
+        const auto reason = refusal(planned, folder / planned.run.name);
+        if (reason.empty()) {
+            names.push_back(planned.run.name);
+        } else {
+            refused += fmt::format("# refused: {}: {}\n", planned.run.name, reason);
+        }
     }
-    fs::create_directories(folder);
+    const int exit_code = refused.empty() ? 0 : 1;
+    if (options.task == SweepTask::show_commands) {
+        const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
+        fmt::print(out, "{}{}", names.empty() ? "" : slurm_script(folder, names, memory, slurm), refused);
+        return exit_code;
+    }
+    make_folder(folder);
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
-    if (lines.empty()) fmt::print(out, "nothing to submit: all runs are finished, at work or queued\n");
+    fmt::print(out, "{}", refused);
+    if (lines.empty())
+        fmt::print(out, "nothing to submit: all runs are finished, at work{} queued\n",
+                   refused.empty() ? " or" : ", refused or");
     fmt::print(out, "how they stand: cale sweep {} --dir {} --status\n", options.file.string(),
                options.folder.empty() ? folder.string() : options.folder.string());
-    return 0;
+    return exit_code;
 }
 
 }  // namespace
@@ -119,22 +170,18 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto sweep = read_sweep(options.file, options.overrides);
     keep_only(sweep.runs, options.only);
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
+    check_folder(folder);
     const auto runs = plan(sweep, options.cale.parent_path());
-    if (options.task == SweepTask::show_status) {
-        show_status(runs, folder, out);
-        return 0;
-    }
+    if (options.task == SweepTask::show_status) return show_status(runs, folder, out);
     if (options.launcher == Launcher::slurm)
         return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, out);
 
     auto machine = Machine::here();
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
-    if (options.task == SweepTask::show_commands) {
-        show_commands(runs, folder, options, slots.slots.front().device, out);
-        return 0;
-    }
-    fs::create_directories(folder);
+    if (options.task == SweepTask::show_commands)
+        return show_commands(runs, folder, options, slots.slots.front().device, out);
+    make_folder(folder);
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
     return run_locally(

@@ -29,8 +29,8 @@ struct SweepOptions {
 };
 
 /// Answers go to `out`, how the runs go to the standard error. Returns the exit code: 0 done, 1 some runs
-/// failed, 130 interrupted. Throws ConfigError for what the user wrote, before anything is started, and
-/// std::runtime_error.
+/// failed or, whatever the task, are refused, 130 interrupted. Throws ConfigError for what the user wrote,
+/// before anything is started, and std::runtime_error.
 int run_sweep(const SweepOptions& options, std::FILE* out);
 
 }  // namespace cale

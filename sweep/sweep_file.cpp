@@ -90,8 +90,12 @@ class Reader {
   private:
     [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const { fail(node.Mark(), what); }
     [[noreturn]] void fail(const YAML::Mark& mark, const std::string& what) const {
-        if (mark.is_null()) throw ConfigError(fmt::format("{}: {}", file_.string(), what));
-        throw ConfigError(fmt::format("{}:{}:{}: {}", file_.string(), mark.line + 1, mark.column + 1, what));
+        throw ConfigError(fmt::format("{}: {}", place(mark), what));
+    }
+
+    std::string place(const YAML::Mark& mark) const {
+        if (mark.is_null()) return file_.string();
+        return fmt::format("{}:{}:{}", file_.string(), mark.line + 1, mark.column + 1);
     }
 
     YAML::Node parse() const {
@@ -151,7 +155,7 @@ class Reader {
             }
             if (texts.empty()) fail(item.second, fmt::format("'{}' has no values", key));
             try {
-                axes.push_back({key, expand(key, texts)});
+                axes.push_back({key, expand(key, texts), place(item.first.Mark())});
             } catch (const ConfigError& error) {
                 fail(item.second, error.what());
             }
@@ -229,6 +233,21 @@ std::string file_name(std::string_view text) {
     return result;
 }
 
+/// Where the file has each of its settings.
+std::map<std::string, std::string> places_of(const Contents& contents) {
+    std::map<std::string, std::string> places;
+    const auto add = [&](const Grid& grid) {
+        for (const auto& axis : grid) {
+            if (axis.place.empty()) continue;
+            for (const auto& value : axis.values) places.emplace(assignment({axis.key, value}), axis.place);
+        }
+    };
+    add(contents.common);
+    add(contents.grid);
+    for (const auto& variant : contents.variants) add(variant);
+    return places;
+}
+
 class RunMaker {
   public:
     RunMaker(const fs::path& file, const Contents& contents)
@@ -284,11 +303,15 @@ class RunMaker {
 
 }  // namespace
 
+std::string assignment(const Setting& setting) {
+    return fmt::format("{}={}", setting.key, setting.value);
+}
+
 Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
     auto contents = Reader(file).read();
     for (const auto& text : overrides) override_key(contents, text);
 
-    Sweep sweep{.name = file.stem().string(), .runs = {}};
+    Sweep sweep{.name = file.stem().string(), .runs = {}, .places = places_of(contents)};
     const RunMaker maker(file, contents);
     std::map<std::string, std::size_t> seen;
     for (const auto& varying : combinations(contents.grid, contents.variants)) {

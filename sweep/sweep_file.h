@@ -15,6 +15,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,6 +29,9 @@ struct Setting {
     bool operator==(const Setting&) const = default;
 };
 
+/// "agent.encoder=phi_sac", as the training programs are told it.
+std::string assignment(const Setting& setting);
+
 /// One run of a sweep.
 struct SweepRun {
     std::string name;               // of its folder: "Breakout__sac__encoder=phi_sac__1"
@@ -40,6 +44,8 @@ struct SweepRun {
 struct Sweep {
     std::string name;  // of the file, without its ending
     std::vector<SweepRun> runs;
+    // "agent.encoder=phi_sac" -> "mine.yaml:9:3", where the file has the key; not what a command line has.
+    std::map<std::string, std::string> places{};
 };
 
 /// Reads a sweep file and lists its runs, the first key of `grid` varying slowest and the variants fastest.

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "experiment/columns.h"
 #include "experiment/console.h"
 
 namespace cale {
@@ -37,7 +38,8 @@ std::string summary(std::span<const RunRow> rows) {
     for (const auto& row : rows) {
         ++counts[row.state];
         if (row.status.state == RunPhase::running) speed += row.status.steps_per_second;
-        if (row.status.state != RunPhase::finished && row.status.state != RunPhase::failed)
+        if (row.status.state != RunPhase::finished && row.status.state != RunPhase::failed &&
+            row.status.state != RunPhase::refused)
             steps_left += static_cast<double>(row.total_steps - row.status.step);
     }
     auto text = fmt::format("{} run{}:", rows.size(), rows.size() == 1 ? "" : "s");
@@ -46,8 +48,8 @@ std::string summary(std::span<const RunRow> rows) {
         text += fmt::format("{} {} {}", comma, count, state);
         comma = ",";
     };
-    for (const auto state : {RunPhase::finished, RunPhase::failed, RunPhase::running, RunPhase::interrupted,
-                             RunPhase::waiting}) {
+    for (const auto state : {RunPhase::finished, RunPhase::failed, RunPhase::refused, RunPhase::running,
+                             RunPhase::interrupted, RunPhase::waiting}) {
         if (const auto found = counts.extract(std::string(name_of(state)))) add(found.key(), found.mapped());
     }
     for (const auto& [state, count] : counts) add(state, count);  // a batch system's own
@@ -74,6 +76,8 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
                             running ? duration_text(seconds_left(row)) : "-");
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + row.status.message, width) + "\n";
+        // Every key of it is needed.
+        if (row.status.state == RunPhase::refused) text += wrap(row.status.message, 2, width);
     }
     return text;
 }

@@ -22,8 +22,8 @@ struct RunRow {
 /// are left, at the speed of those that are running now.
 std::string summary(std::span<const RunRow> rows);
 
-/// A header and a line for each run: state, step, steps/s, return and ETA; below a run that failed, why.
-/// No line is wider than `width` columns: long names lose their middle.
+/// A header and a line for each run: state, step, steps/s, return and ETA; below a run that failed or is
+/// refused, why. No line is wider than `width` columns: long names lose their middle.
 std::string table(std::span<const RunRow> rows, std::size_t width);
 
 }  // namespace cale

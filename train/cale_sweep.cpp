@@ -9,6 +9,7 @@
 
 #include "sweep/sweep.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 namespace {
@@ -42,15 +43,15 @@ void add_sharing(CLI::App& command, Arguments& arguments) {
         .add_option(
             "--jobs", sharing.jobs,
             "runs at once; 0: as many as cores, memory and GPUs allow, with Slurm as many as it gives")
-        ->check(CLI::Range(0, 100'000))
+        ->transform(whole_numbers(0, 100'000))
         ->type_name("N");
     command.add_option("--threads", sharing.threads, "threads of a run")
-        ->check(CLI::Range(1, 4096))
+        ->transform(whole_numbers(1, 4096))
         ->type_name("N");
     command
         .add_option("--memory", arguments.memory,
                     "gigabytes that a run takes; 0: estimated from the replay that it will fill")
-        ->check(CLI::Range(0.0, 1e5))
+        ->transform(numbers(0, 1e5))
         ->type_name("GB");
     command
         .add_option("--device", arguments.devices,
@@ -61,7 +62,7 @@ void add_sharing(CLI::App& command, Arguments& arguments) {
         ->default_str("auto")
         ->type_name("DEVICE");
     command.add_option("--per-gpu", sharing.per_gpu, "runs at once on a GPU")
-        ->check(CLI::Range(1, 1000))
+        ->transform(whole_numbers(1, 1000))
         ->type_name("N");
 }
 
@@ -97,13 +98,13 @@ void add_sweep(CLI::App& app, int& exit_code) {
     command
         .add_option("--retries", options.retries,
                     "how often a run that failed is tried again if it has come no further")
-        ->check(CLI::Range(0, 1000))
+        ->transform(whole_numbers(0, 1000))
         ->type_name("N");
     command.add_flag("--no-progress", arguments->no_progress, "no live table");
     command
         .add_option("--launcher", arguments->launcher,
                     "local: on this machine; slurm: as job arrays, by the sbatch on the PATH")
-        ->check(CLI::IsMember({"local", "slurm"}))
+        ->transform(one_of({"local", "slurm"}))
         ->type_name("NAME");
     command
         .add_option("--sbatch-option", options.sbatch_options,
@@ -122,7 +123,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
         "  cale sweep sweeps/agents.yaml --launcher slurm --sbatch-option=--partition=cpu\n"
         "  cale report runs/encoders\n"
         "\n"
-        "Exit codes: 0 all runs finished, 1 some failed, 2 usage, 130 interrupted.");
+        "Exit codes: 0 all runs finished, 1 some failed or are refused, 2 usage, 130 interrupted.");
     command.callback([arguments, &exit_code] { exit_code = run_sweep(options_of(*arguments), stdout); });
 }
 

@@ -7,7 +7,7 @@ namespace {
 
 constexpr const char* kProgram = R"sh(#!/bin/bash
 here=$(dirname "$0")
-mode=fast size=1 steps=100 rom_dir= resume= print=
+mode=fast size=1 loss=huber rate=1e-4 every=10 steps=100 rom_dir= resume= print=
 while [ $# -gt 0 ]; do
     case $1 in
         --print-config) print=1 ;;
@@ -17,7 +17,10 @@ while [ $# -gt 0 ]; do
         --threads | --device | --config) shift ;;
         agent.mode=*) mode=${1#*=} ;;
         agent.size=*) size=${1#*=} ;;
+        agent.loss=*) loss=${1#*=} ;;
+        agent.rate=*) rate=${1#*=} ;;
         agent.replay_capacity=*) ;;
+        log.every=*) every=${1#*=} ;;
         train.total_steps=*) steps=${1#*=} ;;
         env.rom_dir=*) rom_dir=${1#*=} ;;
         env.game=* | train.seed=*) ;;
@@ -25,20 +28,25 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-if [ "$size" = huge ]; then echo "train_fake: agent.size must be a number, not 'huge'" >&2; exit 2; fi
-if [ -n "$print" ]; then
-    printf 'env:\n  rom_dir: "%s"\nagent:\n  replay_capacity: 1000000\n' "$rom_dir"
-    printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\n' "$steps"
-    exit
+if [ "$size" = huge ]; then
+    echo "train_fake: --set agent.size=huge: agent.size must be a number, not 'huge'" >&2
+    exit 2
 fi
+config() {
+    printf 'env:\n  rom_dir: "%s"\nagent:\n  mode: %s\n  size: %s\n' "$rom_dir" "$mode" "$size"
+    printf '  loss: %s\n  rate: %s\n  replay_capacity: 1000000\n' "$loss" "$rate"
+    printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\nlog:\n  every: %s\n' "$steps" "$every"
+}
+if [ -n "$print" ]; then config; exit; fi
 checkpoint() { mkdir -p "$dir/checkpoints/step_000000$1"; }
 finish() {
-    printf 'global_step,seconds,steps_per_second,charts/avg_episodic_return\n100,1,50,7.5\n' >"$dir/progress.csv"
-    checkpoint 100
+    printf 'global_step,seconds,steps_per_second,charts/avg_episodic_return\n%s,1,50,7.5\n' "$steps" \
+        >"$dir/progress.csv"
+    checkpoint "$steps"
     exit 0
 }
 if [ -n "$resume" ]; then echo resumed; else echo "started with $(ls "$dir" | tr '\n' ' ')"; fi
-echo "settings" >"$dir/config.yaml"
+config >"$dir/config.yaml"
 case $mode in
     fast) finish ;;
     slow)

@@ -14,7 +14,8 @@ namespace test {
 
 /// A folder with train_fake, a ROM of Pong, and place for a sweep's runs.
 ///
-/// train_fake knows agent.mode and agent.size, and train.total_steps. It writes 100 steps' worth of files:
+/// train_fake knows agent.mode, agent.size, agent.loss (huber), agent.rate (1e-4), log.every, and
+/// train.total_steps (100, of three digits). It writes the files of a run of so many steps:
 ///   fast          at once
 ///   slow          once the file `go` is in this folder; SIGINT and SIGTERM end it at a checkpoint of step 50
 ///   fail_once     fails the first time, at a checkpoint of step 50

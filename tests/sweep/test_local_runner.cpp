@@ -141,6 +141,52 @@ TEST_F(LocalSweep, KilledItselfItTakesItsRunsWithItAndTheNextGoesOn) {
     EXPECT_EQ(fake_.output("fast_1"), "started with output.log \n");
 }
 
+TEST_F(LocalSweep, SaysWhatTheStopOfOneRunWaitsFor) {
+    const auto runs = fake_.runs({"slow"});
+    const auto sweep = start(runs);
+    ASSERT_TRUE(test::wait_until([&] { return says("slow_0", "started"); }));
+    ::usleep(100'000);
+    ::kill(sweep, SIGINT);
+    EXPECT_EQ(exit_code_of(sweep), 130);
+    EXPECT_THAT(said(),
+                HasSubstr("Stopping 1 run, which writes a checkpoint first. Ctrl-C again kills it.\n"));
+}
+
+TEST_F(LocalSweep, ARunOfOtherSettingsIsRefusedAndTheOthersGoOn) {
+    auto runs = fake_.runs({"fast", "fast"});
+    EXPECT_EQ(run({runs[0]}), 0);
+    runs[0].run.settings.push_back({"agent.loss", "mse"});
+    EXPECT_EQ(run(runs), 1);
+    EXPECT_THAT(said(),
+                HasSubstr("REFUSED    fast_0  trained with other settings: agent.loss was huber and is "
+                          "now mse; give the sweep another --dir"));
+    EXPECT_THAT(said(), HasSubstr("2 runs: 1 finished, 1 refused\n"));
+    EXPECT_EQ(fake_.output("fast_0"), "started with output.log \n");
+    EXPECT_EQ(state("fast_0"), RunPhase::finished) << "nothing is left behind in a run of somebody else";
+}
+
+TEST_F(LocalSweep, ARunOfAnotherSweepWithOtherSettingsIsRefusedOnceItIsDone) {
+    auto runs = fake_.runs({"slow"});
+    const auto first = start(runs);
+    ASSERT_TRUE(test::wait_until([&] { return says("slow_0", "started"); }));
+    runs[0].run.settings.push_back({"agent.loss", "mse"});
+    const auto second = start(runs, "said by the second");
+    ASSERT_TRUE(test::wait_until(
+        [&] { return said("said by the second").find("another process is at work") != std::string::npos; }));
+    fake_.go();
+    EXPECT_EQ(exit_code_of(first), 0);
+    EXPECT_EQ(exit_code_of(second), 1);
+    EXPECT_THAT(said("said by the second"), HasSubstr("REFUSED    slow_0  trained with other settings"));
+}
+
+TEST_F(LocalSweep, AFolderThatCannotBeMadeIsAFailureOfOneSentence) {
+    fake_.write("runs/fast_0", "a file");
+    EXPECT_EQ(run(fake_.runs({"fast", "fast"}), 2, 0), 1);
+    EXPECT_THAT(said(), HasSubstr("FAILED     fast_0  cannot write '" + (fake_.sweep() / "fast_0").string() +
+                                  "': Not a directory\n"));
+    EXPECT_EQ(state("fast_1"), RunPhase::finished);
+}
+
 TEST_F(LocalSweep, ARunOfAnotherSweepIsWaitedFor) {
     const auto runs = fake_.runs({"slow"});
     const auto first = start(runs);

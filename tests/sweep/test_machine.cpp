@@ -64,7 +64,7 @@ TEST(Sharing, JobsGoBeforeAll) {
     EXPECT_THAT(slots.slots[0].cpus, IsEmpty()) << "there are not enough to go round";
 }
 
-TEST(Sharing, GpusTakeTurns) {
+TEST(Sharing, CudaDevicesTakeTurns) {
     Machine machine = kFourCores;
     machine.gpus = 2;
     EXPECT_THAT(devices(share(machine, {}, runs_of(100))), ElementsAre("cuda:0", "cuda:1"));
@@ -79,6 +79,21 @@ TEST(Sharing, RefusesWhatIsNoDevice) {
         EXPECT_THAT(
             test::error_of<ConfigError>([&] { share(kFourCores, {.devices = {device}}, runs_of(1)); }),
             testing::HasSubstr("--device " + device + ": expected auto, cpu"));
+}
+
+TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
+    const auto mistake = [](int gpus, const std::string& device) {
+        Machine machine = kFourCores;
+        machine.gpus = gpus;
+        return test::error_of<ConfigError>([&] { share(machine, {.devices = {device}}, runs_of(1)); });
+    };
+    EXPECT_EQ(mistake(0, "cuda:0"),
+              "--device cuda:0: LibTorch finds no GPU on this machine; use --device cpu");
+    EXPECT_THAT(mistake(0, "cuda"), testing::HasSubstr("LibTorch finds no GPU"));
+    EXPECT_EQ(mistake(2, "cuda:2"), "--device cuda:2: this machine has 2 GPUs, and cuda:1 is the last");
+    EXPECT_THAT(mistake(1, "cuda:99999999999"), testing::HasSubstr("this machine has 1 GPU, and cuda:0"));
+    EXPECT_EQ(mistake(1, "cuda"), "no error");
+    EXPECT_EQ(mistake(2, "cuda:1"), "no error");
 }
 
 TEST(Sharing, KnowsThisMachine) {

@@ -19,11 +19,12 @@ using testing::HasSubstr;
 
 class SweepPlan : public testing::Test {
   protected:
-    std::vector<PlannedRun> plan_of(const std::string& grid, const std::string& agent = "fake") {
+    std::vector<PlannedRun> plan_of(const std::string& grid, const std::string& agent = "fake",
+                                    const std::vector<std::string>& overrides = {}) {
         const auto file = fake_.write(
             "mine.yaml", "agent: " + agent + "\nset: {env.rom_dir: " + (fake_.path() / "roms").string() +
                              "}\ngrid: {train.seed: 1, env.game: pong" + grid + "}\n");
-        return plan(read_sweep(file), fake_.path());
+        return plan(read_sweep(file, overrides), fake_.path());
     }
     std::string mistake(const std::string& grid, const std::string& agent = "fake") {
         return test::error_of<ConfigError>([&] { plan_of(grid, agent); });
@@ -43,10 +44,41 @@ TEST_F(SweepPlan, TheProgramResolvesEveryRun) {
     EXPECT_EQ(largest_memory(runs), runs[1].memory);
 }
 
+std::string text_of(const PlannedRun& run, const std::string& key) {
+    const auto* text = planned_value(run, key);
+    return text != nullptr ? *text : "no such setting";
+}
+
+TEST_F(SweepPlan, KnowsEverySettingOfARunWhateverTheOthersHave) {
+    const auto file =
+        fake_.write("mine.yaml", "set: {env.rom_dir: " + (fake_.path() / "roms").string() +
+                                     "}\ngrid: {train.seed: 1, env.game: pong}\n"
+                                     "variants:\n"
+                                     "  - {agent: fake, agent.loss: [mse, huber], log.every: 5}\n"
+                                     "  - {agent: fake, train.total_steps: 2e6}\n");
+    const auto runs = plan(read_sweep(file), fake_.path());
+    ASSERT_EQ(runs.size(), 3u);
+    EXPECT_EQ(text_of(runs[0], "agent.loss"), "mse");
+    EXPECT_EQ(text_of(runs[1], "agent.loss"), "huber");
+    EXPECT_EQ(text_of(runs[1], "log.every"), "5");
+    EXPECT_EQ(runs[1].total_steps, 100);
+    EXPECT_EQ(text_of(runs[2], "agent.loss"), "huber") << "as the program has it";
+    EXPECT_EQ(text_of(runs[2], "log.every"), "10");
+    EXPECT_EQ(runs[2].total_steps, 2'000'000);
+    EXPECT_EQ(text_of(runs[2], "agent.lost"), "no such setting");
+}
+
 TEST_F(SweepPlan, WhatTheProgramRefusesIsSaidBeforeAnythingStarts) {
     EXPECT_THAT(mistake(", agent.typo: 3"),
-                HasSubstr("mine: train_fake: --set agent.typo=3: unknown key 'agent.typo'"));
-    EXPECT_THAT(mistake(", agent.size: [1, huge]"), HasSubstr("agent.size must be a number, not 'huge'"));
+                HasSubstr("mine.yaml:3:39: train_fake: unknown key 'agent.typo'"));
+    EXPECT_THAT(mistake(", agent.typo: 3"), testing::Not(HasSubstr("--set")));
+    EXPECT_THAT(mistake(", agent.size: [1, huge]"),
+                HasSubstr("mine.yaml:3:39: train_fake: agent.size must be a number, not 'huge'"));
+    EXPECT_EQ(test::error_of<ConfigError>([&] { plan_of(", agent.size: 1", "fake", {"agent.size=huge"}); }),
+              "mine: train_fake: --set agent.size=huge: agent.size must be a number, not 'huge'")
+        << "the file has no part in it";
+    EXPECT_EQ(test::error_of<ConfigError>([&] { plan_of("", "fake", {"agent.typo=3"}); }),
+              "mine: train_fake: --set agent.typo=3: unknown key 'agent.typo'");
     EXPECT_THAT(mistake("", "fkae"), HasSubstr("agent 'fkae': there is no program train_fkae in"));
     EXPECT_THAT(mistake("", "fkae"), HasSubstr("did you mean 'fake'?"));
     EXPECT_THAT(mistake(", env.rom_dir: /nowhere"), HasSubstr("env.game: "));

@@ -118,6 +118,7 @@ TEST_F(SlurmScript, GoesBackIntoTheQueueWhenItsTimeIsUp) {
 TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
     auto runs = fake_.runs({"fast", "fast", "fast", "fast", "fast"});
     fs::create_directories(fake_.sweep() / "fast_1/checkpoints/step_000000100");
+    fake_.write("runs/fast_1/config.yaml", "");
     EXPECT_THAT(submit(runs, fake_.sweep(), options()),
                 ElementsAre("job array 17: 2 runs, " + (fake_.sweep() / "slurm/array_1.sh").string(),
                             "job array 18: 2 runs, " + (fake_.sweep() / "slurm/array_2.sh").string()));
@@ -128,6 +129,17 @@ TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
                 UnorderedElementsAre(Pair("fast_0", "pending"), Pair("fast_2", "running")));
     EXPECT_EQ(submit(runs, fake_.sweep(), options()).size(), 1u) << "what is queued is not submitted twice";
     EXPECT_THAT(read("runs/slurm/array_3.sh"), HasSubstr("runs=(\n    fast_3\n    fast_4\n)\n"));
+}
+
+TEST_F(Slurm, LeavesNothingWhereThereIsNothingToSubmit) {
+    const auto runs = fake_.runs({"fast", "fast"});
+    for (const std::string run : {"fast_0", "fast_1"})
+        fs::create_directories(fake_.sweep() / run / "checkpoints/step_000000100");
+    fake_.write("runs/fast_0/config.yaml", "");
+    fake_.write("runs/fast_1/config.yaml", "agent: {mode: slow}");  // a run of other settings
+    EXPECT_TRUE(submit(runs, fake_.sweep(), options()).empty());
+    EXPECT_FALSE(fs::exists(fake_.sweep() / "slurm"));
+    EXPECT_FALSE(fs::exists(fake_.sweep() / "slurm.json"));
 }
 
 TEST_F(Slurm, PassesOnWhatItObjectsTo) {

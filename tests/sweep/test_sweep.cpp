@@ -69,6 +69,8 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     EXPECT_FALSE(fs::exists(fake_.sweep()));
     fs::create_directories(fake_.sweep() / "Pong__fake__1/checkpoints/step_000000050");
     fs::create_directories(fake_.sweep() / "Pong__fake__2/checkpoints/step_000000100");
+    for (const std::string run : {"Pong__fake__1", "Pong__fake__2"})
+        fake_.write("runs/" + run + "/config.yaml", "");
     EXPECT_THAT(answer(), HasSubstr("--resume\n# finished: Pong__fake__2\n"));
 
     options_.launcher = Launcher::slurm;
@@ -86,6 +88,83 @@ TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
     options_.overrides = {"agent.typo=1"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }), HasSubstr("unknown key 'agent.typo'"));
     EXPECT_FALSE(fs::exists(fake_.sweep()));
+}
+
+TEST_F(SweepCommand, RunsOfOtherSettingsAreNotPassedOffAsItsOwn) {
+    options_.overrides = {"agent.loss=huber"};
+    answer();
+    EXPECT_EQ(code_, 0);
+
+    options_.overrides = {"agent.loss=mse", "agent.rate=0.0001", "log.every=7"};
+    const std::string reason =
+        "trained with other settings: agent.loss was huber and is now mse; give the sweep another --dir, or "
+        "take the change back\n";
+    answer();
+    EXPECT_EQ(code_, 1);
+    options_.task = SweepTask::show_status;
+    EXPECT_THAT(answer(), HasSubstr("Pong__fake__1     refused"));
+    EXPECT_THAT(answer(), HasSubstr("  " + reason));
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 2 refused\n"));
+    EXPECT_EQ(code_, 1);
+    options_.task = SweepTask::show_commands;
+    EXPECT_EQ(answer(), "# refused: Pong__fake__1: " + reason + "# refused: Pong__fake__2: " + reason);
+    EXPECT_EQ(code_, 1);
+    options_.launcher = Launcher::slurm;
+    EXPECT_EQ(answer(), "# refused: Pong__fake__1: " + reason + "# refused: Pong__fake__2: " + reason);
+    EXPECT_EQ(code_, 1);
+}
+
+TEST_F(SweepCommand, WhatChangesNoResultIsNoOtherRunAndALongerOneGoesOn) {
+    options_.overrides = {"agent.rate=1e-4"};
+    answer();
+    options_.overrides = {"agent.rate=0.0001", "log.every=7", "agent.loss=huber"};
+    options_.task = SweepTask::show_status;
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 2 finished\n"));
+    EXPECT_EQ(code_, 0);
+
+    options_.overrides.emplace_back("train.total_steps=200");
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 2 interrupted\n"));
+    options_.task = SweepTask::train;
+    answer();
+    EXPECT_EQ(code_, 0);
+    EXPECT_THAT(fake_.output("Pong__fake__1"), HasSubstr("resumed\n"));
+    options_.task = SweepTask::show_status;
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 2 finished\n"));
+
+    options_.overrides.back() = "train.total_steps=1_50";
+    EXPECT_THAT(answer(), HasSubstr("train.total_steps was 200 and is now 1_50"));
+    EXPECT_EQ(code_, 1);
+}
+
+TEST_F(SweepCommand, AFolderThatCannotHoldRunsIsRefusedBeforeAnythingStarts) {
+    options_.folder = fake_.write("file", "");
+    for (const auto task : {SweepTask::train, SweepTask::show_status, SweepTask::show_commands}) {
+        options_.task = task;
+        EXPECT_EQ(test::error_of<ConfigError>([&] { answer(); }),
+                  options_.folder.string() + ": it is a file, not a folder; name another folder by --dir");
+    }
+    options_.task = SweepTask::train;
+    options_.folder = fake_.path() / "file/runs";
+    EXPECT_EQ(test::error_of<ConfigError>([&] { answer(); }),
+              options_.folder.string() +
+                  ": nothing can be written there: Not a directory; name another folder by --dir");
+}
+
+TEST_F(SweepCommand, ACudaDeviceThatIsNotThereIsSaidOnce) {
+    options_.sharing.devices = {"cuda:0"};
+    EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
+                HasSubstr("--device cuda:0: LibTorch finds no"));
+    EXPECT_FALSE(fs::exists(fake_.sweep()));
+}
+
+TEST(SweepCommandLine, RefusesValuesThatSayNothing) {
+    const auto answer = [](const std::string& options) {
+        return answer_of(fmt::format("{}/cale sweep {}/sweeps/smoke.yaml --dry-run {} 2>&1; echo $?",
+                                     CALE_BINARY_DIR, CALE_SOURCE_DIR, options))
+            .text;
+    };
+    EXPECT_EQ(answer("--dir ''"), "cale sweep: --dir is '': give DIR, or leave it out\n2\n");
+    EXPECT_EQ(answer("--memory nan"), "cale sweep: --memory is 'nan': give a number from 0 to 100000\n2\n");
 }
 
 std::vector<fs::path> shipped_sweeps() {

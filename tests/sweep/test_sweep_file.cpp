@@ -118,6 +118,15 @@ TEST_F(SweepFile, TheCommandLineReplacesValuesAndAddsKeys) {
     EXPECT_EQ(read(small_, {"config=mine.yaml"}).runs[0].config, std::filesystem::absolute("mine.yaml"));
 }
 
+TEST_F(SweepFile, RemembersWhereItHasItsSettings) {
+    const auto places = read(small_ + "set:\n  env.threshold: 0.9\n  log.every: 5\n", {"log.every=5"}).places;
+    const auto file = (folder_ / "mine.yaml").string();
+    EXPECT_EQ(places.at("env.game=pong"), file + ":3:3");
+    EXPECT_EQ(places.at("train.seed=2"), file + ":4:3");
+    EXPECT_EQ(places.at("env.threshold=0.9"), file + ":6:3");
+    EXPECT_FALSE(places.contains("log.every=5")) << "it is the command line's";
+}
+
 TEST_F(SweepFile, VariantsThatMeetAreOneRun) {
     const std::string both =
         "grid: {env.game: pong, train.seed: 1}\n"

@@ -52,6 +52,21 @@ TEST(SweepTable, HasALineForEachRunAndWhyOneFailed) {
                                    "  exit code 1: it broke\n"));
 }
 
+TEST(SweepTable, SaysAllThatARunIsRefusedFor) {
+    const auto refused = row("Pong__sac__1", {.state = RunPhase::refused,
+                                              .step = 400,
+                                              .message = "trained with other settings: agent.loss was huber "
+                                                         "and is now mse; give the sweep another --dir"});
+    EXPECT_EQ(summary(std::vector<RunRow>{refused}), "1 run: 1 refused");
+    EXPECT_THAT(
+        table(std::vector<RunRow>{refused}, 200),
+        testing::EndsWith("\n  trained with other settings: agent.loss was huber and is now mse; give the "
+                          "sweep another --dir\n"));
+    EXPECT_THAT(table(std::vector<RunRow>{refused}, 86),
+                testing::EndsWith("and is now mse; give the sweep\n  another --dir\n"))
+        << "a narrow terminal takes nothing away from it";
+}
+
 TEST(SweepTable, IsNoWiderThanTheTerminal) {
     auto rows = some_rows();
     rows[0].name = "SpaceInvaders__sac__encoder=phi_sac__exploration=epsilon_greedy__12345";

@@ -1,0 +1,25 @@
+// Settings by key, as text: those of a run that is planned, and those that a run was trained with.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+
+namespace cale {
+
+/// "agent.loss" -> "huber".
+using SettingTexts = std::map<std::string, std::string, std::less<>>;
+
+/// The settings in YAML as the training programs print it, and leave it in a run's config.yaml.
+/// Throws YAML::Exception.
+SettingTexts settings_in(const std::string& yaml);
+
+/// Whether a training program reads the same value from both: 1e-4 and 0.0001, 600_000 and 600000, on and
+/// true.
+bool same_value(const std::string& a, const std::string& b);
+
+/// As the training programs read an integer. Throws ConfigError.
+std::int64_t integer_in(const std::string& text);
+
+}  // namespace cale

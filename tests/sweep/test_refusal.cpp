@@ -1,0 +1,91 @@
+// Runs in the sweep's folder that are not the sweep's.
+#include "sweep/refusal.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "experiment/temporary_folder.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class Refusal : public testing::Test {
+  protected:
+    Refusal() {
+        planned_.base = std::make_shared<SettingTexts>(SettingTexts{{"agent.loss", "huber"},
+                                                                    {"agent.rate", "0.0001"},
+                                                                    {"agent.new", "3"},
+                                                                    {"eval.episodes", "10"},
+                                                                    {"log.every", "1000"},
+                                                                    {"train.total_steps", "100"}});
+        planned_.total_steps = 100;
+        planned_.evaluates = false;
+    }
+    void trained(const std::string& config, const std::string& step = "000000100") {
+        folder_.write("run/config.yaml", config);
+        fs::create_directories(folder_ / ("run/checkpoints/step_" + step));
+    }
+    std::string reason() { return refusal(planned_, folder_ / "run"); }
+    void plan(const std::string& key, const std::string& value) {
+        planned_.run.settings.push_back({key, value});
+    }
+
+    test::TemporaryFolder folder_;
+    PlannedRun planned_;
+};
+
+TEST_F(Refusal, NamesEverySettingThatDiffersAndTheWayOut) {
+    trained("agent: {loss: huber, rate: 0.0001}\ntrain: {total_steps: 100}\n");
+    EXPECT_EQ(reason(), "");
+    EXPECT_EQ(status_of(planned_, folder_ / "run").state, RunPhase::finished);
+    plan("agent.loss", "mse");
+    plan("agent.rate", "2e-4");
+    EXPECT_EQ(
+        reason(),
+        "trained with other settings: agent.loss was huber and is now mse, agent.rate was 0.0001 and is "
+        "now 2e-4; give the sweep another --dir, or take the change back");
+    EXPECT_EQ(status_of(planned_, folder_ / "run").state, RunPhase::refused);
+    EXPECT_EQ(status_of(planned_, folder_ / "run").message, reason());
+}
+
+TEST_F(Refusal, IsAboutValuesThatChangeResults) {
+    trained("agent: {loss: huber, rate: 1e-4, gone: 7}\neval: {episodes: 100}\nlog: {every: 1_000}\n");
+    EXPECT_EQ(reason(), "") << "a setting that only one of them has is none that changed";
+    plan("eval.noop_max", "30");
+    plan("log.every", "5");
+    plan("agent.rate", "1E-4");
+    EXPECT_EQ(reason(), "");
+}
+
+TEST_F(Refusal, ARunMayBecomeLongerAndShorterUnlessItHasGoneFurther) {
+    trained("train: {total_steps: 100}\n", "000000060");
+    plan("train.total_steps", "1e3");
+    EXPECT_EQ(reason(), "");
+    planned_.run.settings.back().value = "80";
+    EXPECT_EQ(reason(), "");
+    planned_.run.settings.back().value = "50";
+    EXPECT_THAT(reason(), HasSubstr("train.total_steps was 100 and is now 50"));
+}
+
+TEST_F(Refusal, NothingCountsWithoutACheckpoint) {
+    folder_.write("run/config.yaml", "agent: {loss: mse}\n");
+    EXPECT_EQ(reason(), "") << "it starts anew";
+    EXPECT_EQ(refusal(planned_, folder_ / "none"), "");
+}
+
+TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {
+    fs::create_directories(folder_ / "run/checkpoints/step_000000100");
+    EXPECT_THAT(reason(), HasSubstr("run/config.yaml': No such file or directory); put it back, or remove"));
+    folder_.write("run/config.yaml", "agent: {loss: [");
+    EXPECT_THAT(reason(), HasSubstr("its config.yaml does not say what it was trained with"));
+}
+
+}  // namespace
+}  // namespace cale
