@@ -1,28 +1,29 @@
 // Agent steps per second of our VectorEnv under random actions: one number on stdout.
 //   env_speed GAME ENVIRONMENTS THREADS STEPS [minimal]
-// With "minimal" the actions are those of the game's minimal discrete set.
+// STEPS are those of all environments together. With "minimal" the actions are those of the game's minimal
+// discrete set.
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <numbers>
 #include <random>
 #include <string_view>
 #include <vector>
 
+#include "bench/command_line.h"
 #include "cale/vector_env.h"
 
-int main(int argc, char** argv) {
+namespace {
+
+int measure(int argc, char** argv) {
     const bool minimal = argc == 6 && std::string_view(argv[5]) == "minimal";
-    if (argc != 5 && !minimal) {
-        std::fprintf(stderr, "usage: env_speed GAME ENVIRONMENTS THREADS STEPS [minimal]\n");
-        return 2;
-    }
+    if (argc != 5 && !minimal) return bench::kUsage;
     cale::EnvConfig config = cale::protocol_200m(argv[1]);
-    config.num_envs = std::atoll(argv[2]);
-    config.env_threads = std::atoll(argv[3]);
+    config.num_envs = bench::whole_number("ENVIRONMENTS", argv[2], 1, 1024);
+    config.env_threads = bench::whole_number("THREADS", argv[3], 0, 1024);
     if (minimal) config.action_space = cale::ActionSpace::minimal;
-    const std::int64_t steps = std::atoll(argv[4]) / config.num_envs;
+    const std::int64_t steps =
+        bench::whole_number("STEPS", argv[4], config.num_envs, 1'000'000'000) / config.num_envs;
 
     const auto n = static_cast<std::size_t>(config.num_envs);
     std::vector<std::uint32_t> seeds(n);
@@ -52,4 +53,11 @@ int main(int argc, char** argv) {
     }
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
     std::printf("%.1f\n", static_cast<double>(steps * config.num_envs) / seconds.count());
+    return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    return bench::run("env_speed GAME ENVIRONMENTS THREADS STEPS [minimal]", measure, argc, argv);
 }

@@ -1,20 +1,22 @@
 // What a checkpoint of a full replay costs, with the frames of a real game played at random:
 //   replay_checkpoint GAME TRANSITIONS FOLDER
 // Prints the time that the snapshot takes from training, the time and bytes of a first checkpoint, of one
-// after 10,000 more steps whose full chunks are taken over, and the time to load it.
+// after 10,000 more steps whose full chunks are taken over, and the time to load it. FOLDER is made, and
+// removed in the end.
 #include <array>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <numbers>
 #include <random>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "bench/command_line.h"
 #include "cale/vector_env.h"
 #include "replay/replay_snapshot.h"
 
@@ -85,15 +87,14 @@ double megabytes(const fs::path& folder) {
     return bytes / 1e6;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    if (argc != 4) {
-        std::fprintf(stderr, "usage: replay_checkpoint GAME TRANSITIONS FOLDER\n");
-        return 2;
-    }
+int measure(int argc, char** argv) {
+    if (argc != 4) return bench::kUsage;
     cale::ReplayConfig config;
-    config.capacity = std::atoll(argv[2]);
+    config.capacity = bench::whole_number("TRANSITIONS", argv[2], 1'000, 1'000'000'000);
+    if (fs::exists(argv[3])) {
+        throw std::invalid_argument(std::string("FOLDER is '") + argv[3] +
+                                    "', which is there already: name a new one, which is removed in the end");
+    }
     config.num_envs = Player::kGames;
     cale::ReplayBuffer replay(config);
     Player player(argv[1], replay);
@@ -123,4 +124,10 @@ int main(int argc, char** argv) {
     std::printf("loaded in %.2f s\n", seconds([&] { loaded.load(second); }));
     fs::remove_all(folder);
     return loaded.size() == replay.size() ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    return bench::run("replay_checkpoint GAME TRANSITIONS FOLDER", measure, argc, argv);
 }

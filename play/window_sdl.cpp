@@ -1,4 +1,7 @@
+#include <cstdlib>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 
 #include <SDL.h>
 #include <fmt/format.h>
@@ -23,11 +26,22 @@ T* require(T* made, std::string_view what) {
     return made;
 }
 
+/// Where SDL finds no display, Debian's takes a driver that shows nothing, without having been asked for it.
+bool is_invisible(std::string_view driver) {
+    const char* const asked = std::getenv("SDL_VIDEODRIVER");
+    return (driver == "offscreen" || driver == "dummy") && (asked == nullptr || *asked == '\0');
+}
+
 /// SDL itself. While it is there, Ctrl-C closes the window, so that a film under way is finished.
 struct Video {
     Video() {
         if (SDL_Init(SDL_INIT_VIDEO) != 0)
             throw std::runtime_error(fmt::format("there is no display: {}", SDL_GetError()));
+        const std::string driver = SDL_GetCurrentVideoDriver();
+        if (!is_invisible(driver)) return;
+        SDL_Quit();
+        throw std::runtime_error(
+            fmt::format("there is no display: SDL offers only its driver '{}', which shows nothing", driver));
     }
     ~Video() { SDL_Quit(); }
     Video(const Video&) = delete;

@@ -1,19 +1,46 @@
 // cale: what is done with runs beside training them.
+#include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
 
 #include <c10/util/Exception.h>
+#include <fmt/format.h>
 
+#include "experiment/command_line.h"
 #include "experiment/config.h"
-#include "experiment/versions.h"
 #include "train/commands.h"
 #include "train/help.h"
+#include "train/usage.h"
+
+namespace {
+
+/// `cale help` and `cale help COMMAND` are `cale --help` and `cale COMMAND --help`.
+std::vector<std::string> words_of(int argc, char** argv) {
+    std::vector<std::string> words(argv + 1, argv + argc);
+    if (!words.empty() && words.front() == "help") {
+        words.erase(words.begin());
+        words.emplace_back("--help");
+    }
+    return words;
+}
+
+void run(CLI::App& app, std::vector<std::string> words) {
+    cale::check_first_word(app, words.front());
+    std::ranges::reverse(words);  // as CLI11 wants them
+    app.parse(std::move(words));
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
     CLI::App app("What is done with runs beside training them.", "cale");
-    app.set_version_flag("--version", std::string(cale::cale_version()));
+    app.set_version_flag("--version", cale::version_text("cale"));
     app.require_subcommand(1);
     app.formatter(cale::help_formatter());
     app.option_defaults()->always_capture_default();
@@ -32,15 +59,22 @@ int main(int argc, char** argv) {
     cale::add_play(app);
     cale::add_report(app);
     cale::add_sweep(app, exit_code);
+    cale::refuse_forgotten_values(app);
 
-    const auto fail = [](const char* what, int code) {
-        std::fprintf(stderr, "cale: %s\n", what);
+    const auto words = words_of(argc, argv);
+    if (words.empty()) {
+        std::fputs(app.help().c_str(), stderr);
+        return 2;
+    }
+    const auto fail = [&](std::string_view what, int code) {
+        std::fputs(fmt::format("{}: {}\n", cale::name_with_command(app), what).c_str(), stderr);
         return code;
     };
     try {
-        app.parse(argc, argv);
+        run(app, words);
     } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? 0 : 2;
+        if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+        return fail(cale::ConfigError(cale::usage_sentence(app, error)).what(), 2);
     } catch (const cale::ConfigError& error) {
         return fail(error.what(), 2);
     } catch (const std::invalid_argument& error) {
@@ -48,6 +82,9 @@ int main(int argc, char** argv) {
     } catch (const c10::Error& error) {
         // LibTorch's what() carries a stack trace.
         return fail(error.what_without_backtrace(), 1);
+    } catch (const std::filesystem::filesystem_error& error) {
+        // Its what() is no sentence.
+        return fail(fmt::format("cannot use '{}': {}", error.path1().string(), error.code().message()), 1);
     } catch (const std::exception& error) {
         return fail(error.what(), 1);
     }

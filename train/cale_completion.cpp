@@ -7,6 +7,7 @@
 #include "experiment/completion.h"
 #include "train/commands.h"
 #include "train/train_programs.h"
+#include "train/usage.h"
 
 namespace cale {
 namespace {
@@ -48,7 +49,7 @@ void add_completion(CLI::App& app) {
     const auto shell = std::make_shared<std::string>();
     command.add_option("SHELL", *shell, "bash, zsh or fish")
         ->required()
-        ->check(CLI::IsMember({"bash", "zsh", "fish"}))
+        ->transform(one_of({"bash", "zsh", "fish"}))
         ->type_name("SHELL");
     command.footer(
         "Examples:\n"

@@ -11,11 +11,13 @@
 #include <fmt/format.h>
 
 #include "cale/games.h"
+#include "experiment/command_line.h"
 #include "experiment/config.h"
 #include "experiment/evaluation_report.h"
 #include "experiment/export.h"
 #include "experiment/policy_evaluation.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -42,9 +44,7 @@ struct Options {
 
 EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
-    ConfigTable table;
-    table.add("env", env);
-    for (const auto& setting : options.settings) table.set_override(setting);
+    set_environment(env, options.settings);
     env.game = find_game(env.game).rom;
     return env;
 }
@@ -78,12 +78,12 @@ fs::path make_folder(const Options& options, const PolicyInfo& policy, const Env
         throw ConfigError(fmt::format("--out {}: an evaluation is in there already; choose another folder",
                                       folder.string()));
     }
-    fs::create_directories(folder);
+    make_output_folder("--out", folder);
     return folder;
 }
 
 void run(const Options& options) {
-    const Policy policy = policy_of(options.policy, torch::Device(options.device));
+    const Policy policy = policy_of(options.policy, find_device(options.device));
     const PolicyInfo& info = policy.info();
     EvaluationPlan plan =
         plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
@@ -98,7 +98,8 @@ void run(const Options& options) {
         plan.ended = [&](const EvaluatedGame& game) {
             sum += game.episode_return;
             ++ended;
-            std::fputs(fmt::format("\r{} games, mean return {:.1f}", ended, sum / static_cast<double>(ended))
+            std::fputs(fmt::format("\r{} game{}, mean return {:.1f}", ended, ended == 1 ? "" : "s",
+                                   sum / static_cast<double>(ended))
                            .c_str(),
                        stderr);
         };
@@ -135,27 +136,28 @@ void add_evaluate(CLI::App& app) {
                     "fixed_episodes: 100 games that begin with 0 to 29 no-ops; fixed_steps: games until "
                     "125,000 agent "
                     "steps; both with 0.1 % random actions")
-        ->check(CLI::IsMember({"fixed_episodes", "fixed_steps"}))
+        ->transform(one_of({"fixed_episodes", "fixed_steps"}))
         ->type_name("NAME");
     command.add_option("--episodes", options->episodes, "games, at most")
-        ->check(CLI::Range(1, 1'000'000))
+        ->transform(whole_numbers(1, 1'000'000))
         ->type_name("N");
     command.add_option("--steps", options->steps, "no game begins after this many agent steps")
-        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000}))
+        ->transform(whole_numbers(1, 1'000'000'000))
         ->type_name("N");
     command.add_option("--epsilon", options->epsilon, "probability of a uniformly random action")
-        ->check(CLI::Range(0.0, 1.0))
+        ->transform(numbers(0, 1))
         ->type_name("P");
     command
         .add_option("--noop-max", options->noop_max, "a game begins with 0 to this many no-op agent steps")
-        ->check(CLI::Range(0, 1000))
+        ->transform(whole_numbers(0, 1000))
         ->type_name("N");
     command.add_option("--seed", options->seed, "what happens in a game follows from this and its number")
+        ->transform(seeds())
         ->type_name("N");
     command
         .add_option("--parallel", options->parallel,
                     "games under way at a time; the results do not depend on it")
-        ->check(CLI::Range(1, 1024))
+        ->transform(whole_numbers(1, 1024))
         ->type_name("N");
     auto* greedy = command.add_flag("--greedy", options->greedy,
                                     "the likeliest or most valuable action, the mean of a Gaussian");
@@ -172,15 +174,20 @@ void add_evaluate(CLI::App& app) {
         ->type_name("KEY=VALUE");
     command.add_option("--out", options->out, "folder to write to; else a new one in evaluations/")
         ->type_name("DIR");
-    command.add_flag("--video", options->video,
-                     "film a game: the screen beside what the agent sees and does");
+    auto* video = command.add_flag("--video", options->video,
+                                   "film a game: the screen beside what the agent sees and does");
     command.add_option("--video-episode", options->video_episode, "which")
-        ->check(CLI::Range(0, 1'000'000))
+        ->needs(video)
+        ->transform(whole_numbers(0, 1'000'000))
         ->type_name("N");
     command.add_option("--video-minutes", options->video_minutes, "how much of it")
-        ->check(CLI::Range(0.01, 1000.0))
+        ->needs(video)
+        ->transform(numbers(0.01, 1000))
         ->type_name("X");
-    command.add_option("--device", options->device, "cpu, cuda or cuda:<index>")->type_name("DEVICE");
+    command
+        .add_option("--device", options->device,
+                    "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
+        ->type_name("DEVICE");
     command.footer(
         "Written to the folder: evaluation.csv (a row per game), evaluation_events.csv (how often each "
         "joystick event),\n"

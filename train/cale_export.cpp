@@ -6,37 +6,46 @@
 
 #include "experiment/export.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 
 void add_export(CLI::App& app) {
     struct Options {
-        std::string from, output, format = "policy";
+        std::string from, output, format;
     };
     auto& command =
         *app.add_subcommand("export", "Makes a policy file, for other programs, of what a run learned.");
     const auto options = std::make_shared<Options>();
-    command.add_option("PATH", options->from, "a checkpoint, or a run: its newest checkpoint")->required();
-    command.add_option("-o,--output", options->output, "the file to write")->required();
-    command.add_option("--format", options->format, "policy: docs/policy_file.md; onnx: for ONNX runtimes")
-        ->check(CLI::IsMember({"policy", "onnx"}))
-        ->capture_default_str();
+    command.add_option("PATH", options->from, "a checkpoint, or a run: its newest checkpoint")
+        ->required()
+        ->type_name("FILE");
+    command.add_option("-o,--output", options->output, "the file to write")->required()->type_name("FILE");
+    command
+        .add_option("--format", options->format,
+                    "policy: docs/policy_file.md; onnx: for ONNX runtimes; else onnx if the file's name ends "
+                    "in .onnx, and policy if not")
+        ->transform(one_of({"policy", "onnx"}))
+        ->type_name("NAME");
     command.footer(
         "Examples:\n"
         "  cale export runs/Breakout__sac__1__1795270400 -o breakout.safetensors\n"
-        "  cale export runs/Breakout__sac__1__1795270400/checkpoints/step_000100000 -o breakout.onnx "
-        "--format "
-        "onnx");
+        "  cale export runs/Breakout__sac__1__1795270400/checkpoints/step_000100000 -o breakout.onnx\n"
+        "\n"
+        "Exit codes: 0 done, 1 failed, 2 usage.");
     command.callback([options] {
-        const auto write = options->format == "onnx" ? export_onnx : export_policy;
-        const auto info = write(options->from, options->output);
+        check_output_file("--output", options->output);
+        const std::filesystem::path output = options->output;
+        const bool onnx = options->format.empty() ? output.extension() == ".onnx" : options->format == "onnx";
+        const auto write = onnx ? export_onnx : export_policy;
+        const auto info = write(options->from, output);
         const auto origin = [&](const char* name) {
             const auto found = info.provenance.find(name);
             return found == info.provenance.end() ? std::string("unknown") : found->second;
         };
         fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output, info.agent,
                    info.game, info.encoder, origin("agent_steps"), origin("seed"),
-                   static_cast<double>(std::filesystem::file_size(options->output)) / 1e6);
+                   static_cast<double>(std::filesystem::file_size(output)) / 1e6);
     });
 }
 

@@ -4,6 +4,7 @@
 
 #include "report/joystick_map.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 
@@ -18,7 +19,7 @@ void add_map(CLI::App& app) {
     };
     const auto options = std::make_shared<Options>();
     command.add_option("--threshold", options->threshold, "tau: how far the stick must be pushed to count")
-        ->check(CLI::Range(0.0, 1.0))
+        ->transform(numbers(0, 1))
         ->type_name("TAU");
     command
         .add_option("-o,--output", options->output,
@@ -34,6 +35,7 @@ void add_map(CLI::App& app) {
         if (options->output.empty()) {
             std::fputs(joystick_map_text(options->threshold).c_str(), stdout);
         } else {
+            check_output_file("--output", options->output);
             write_picture(joystick_map(options->threshold), options->output);
             std::printf("%s\n", options->output.c_str());
         }

@@ -15,6 +15,7 @@
 #include "play/session.h"
 #include "play/window.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 namespace {
@@ -49,9 +50,7 @@ PlayPlan plan_of(const Options& options) {
     plan.env = policy ? env_config_of(policy->info()) : for_hands();
     if (!options.game.empty()) plan.env.game = options.game;
     if (options.threshold) plan.env.threshold = *options.threshold;
-    ConfigTable table;
-    table.add("env", plan.env);
-    for (const auto& setting : options.settings) table.set_override(setting);
+    set_environment(plan.env, options.settings);
     plan.env.game = find_game(plan.env.game).rom;
     if (!policy) {
         if (plan.env.action_space != ActionSpace::continuous)
@@ -90,9 +89,10 @@ std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
 
 void run(const Options& options) {
     if (options.game.empty() && options.policy.empty())
-        throw ConfigError("cale play needs a GAME, a --policy FILE, or both");
+        throw ConfigError("give a GAME, a --policy FILE, or both");
     PlayPlan plan = plan_of(options);
     const auto window = open_window(options, plan);
+    if (!plan.video.empty()) check_output_file("--video", plan.video);
     Stage stage;
     if (window) {
         if (!plan.decide) std::fputs(std::string(keyboard_help()).c_str(), stdout);
@@ -127,7 +127,7 @@ void add_play(CLI::App& app) {
         ->type_name("FILE");
     command
         .add_option("--threshold", options->threshold, "tau: how far the joystick must be pushed to count")
-        ->check(CLI::Range(0.0, 1.0))
+        ->transform(numbers(0, 1))
         ->type_name("X");
     command
         .add_option(
@@ -141,14 +141,15 @@ void add_play(CLI::App& app) {
         ->type_name("FILE");
     command.add_flag("--no-window", options->no_window, "film only, as fast as it goes");
     command.add_option("--games", options->games, "leave after these; 0: when the window is closed")
-        ->check(CLI::Range(0, 1'000'000))
+        ->transform(whole_numbers(0, 1'000'000))
         ->type_name("N");
     command.add_option("--speed", options->speed, "times the speed of the console; 0: as fast as it goes")
-        ->check(CLI::Range(0.0, 100.0))
+        ->transform(numbers(0, 100))
         ->type_name("X");
     auto* greedy = command.add_flag("--greedy", options->greedy, "the policy's best action");
     command.add_flag("--sampled", options->sampled, "an action drawn from the policy")->excludes(greedy);
     command.add_option("--seed", options->seed, "for sticky actions, no-op starts and what is drawn")
+        ->transform(seeds())
         ->type_name("N");
     command.footer(
         fmt::format("Keys:\n{}\n"

@@ -14,6 +14,7 @@
 #include "report/report.h"
 #include "report/tables.h"
 #include "train/commands.h"
+#include "train/usage.h"
 
 namespace cale {
 namespace {
@@ -49,12 +50,20 @@ std::string command_line() {
 
 struct Options {
     std::vector<std::string> runs{};
-    std::string output = "report";
+    std::string output{};
     std::vector<std::string> baselines{};
     std::string baselines_csv{};
     std::string score = "training";
     ComparisonConfig config{};
 };
+
+/// reports/encoders for runs/encoders and runs/encoders/.
+fs::path output_folder(const Options& options) {
+    if (!options.output.empty()) return options.output;
+    fs::path first = fs::absolute(options.runs.front()).lexically_normal();
+    if (!first.has_filename()) first = first.parent_path();  // a slash at the end
+    return fs::path("reports") / first.filename();
+}
 
 void report(Options options) {
     options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
@@ -67,7 +76,9 @@ void report(Options options) {
     const PageOrigin origin{.command = command_line(),
                             .version = fmt::format("cale {}", cale_version()),
                             .time = fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(now))};
-    const auto files = write_report(comparison, origin, options.output);
+    const auto folder = output_folder(options);
+    make_output_folder("--output", folder);
+    const auto files = write_report(comparison, origin, folder);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
     for (const auto& note : comparison.notes) fmt::print("note: {}\n", note);
@@ -92,24 +103,32 @@ void add_report(CLI::App& app) {
         .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
         ->required()
         ->type_name("FOLDER");
-    command.add_option("-o,--output", options->output, "the folder to write to")->type_name("FOLDER");
     command
-        .add_option("--baselines", options->baselines,
-                    "published scores to draw beside: names of columns of the baselines file, with commas")
-        ->type_name("NAMES")
-        ->delimiter(',')
-        ->allow_extra_args(false);
+        .add_option("-o,--output", options->output,
+                    "the folder to write to; else reports/<name of the first of RUNS>")
+        ->type_name("FOLDER");
+    auto* baselines =
+        command
+            .add_option(
+                "--baselines", options->baselines,
+                "published scores to draw beside: names of columns of the baselines file, with commas")
+            ->type_name("NAMES")
+            ->delimiter(',')
+            ->allow_extra_args(false);
     command
         .add_option("--baselines-file", options->baselines_csv,
                     "a table of scores by game, instead of the reference_scores.csv that comes with cale")
+        ->needs(baselines)
         ->type_name("FILE");
     command
-        .add_option("--score", options->score,
-                    "training: the last 100 games of training, as the paper has it; evaluation: the newest "
-                    "evaluation")
-        ->check(CLI::IsMember({"training", "evaluation"}));
+        .add_option(
+            "--score", options->score,
+            "training: the games of the newest iteration, as the paper has it: a tenth of the run, 250,000 "
+            "agent steps at most; evaluation: the newest evaluation")
+        ->transform(one_of({"training", "evaluation"}))
+        ->type_name("NAME");
     command.add_option("--resamples", config.bootstrap.resamples, "resamples of the bootstrap")
-        ->check(CLI::Range(1, 10'000'000))
+        ->transform(whole_numbers(1, 10'000'000))
         ->type_name("N");
     command
         .add_option(
@@ -120,7 +139,7 @@ void add_report(CLI::App& app) {
         ->allow_extra_args(false);
     command.footer(
         "Examples:\n"
-        "  cale report runs -o report\n"
+        "  cale report runs/encoders\n"
         "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
         "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
         "\n"

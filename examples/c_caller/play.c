@@ -19,9 +19,10 @@ static int fail(void) {
 }
 
 int main(int argc, char** argv) {
-    if (argc != 2) {
-        fprintf(stderr, "usage: c_caller POLICY.safetensors\n");
-        return 2;
+    const int asked = argc == 2 && strcmp(argv[1], "--help") == 0;
+    if (argc != 2 || asked) {
+        fprintf(asked ? stdout : stderr, "usage: c_caller POLICY.safetensors\n");
+        return asked ? 0 : 2;
     }
     cale_policy* policy = cale_policy_load(argv[1]);
     if (policy == NULL) return fail();

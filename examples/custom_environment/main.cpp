@@ -7,6 +7,7 @@
 #include <memory>
 #include <random>
 #include <span>
+#include <string_view>
 
 #include <agents/dqn.h>
 #include <cale/frames.h>
@@ -69,7 +70,12 @@ std::unique_ptr<cale::Agent> make_agent(std::int64_t steps) {
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+    if (argc > 1) {
+        const bool asked = std::string_view(argv[1]) == "--help";
+        std::fputs("usage: custom_environment\n", asked ? stdout : stderr);
+        return asked ? 0 : 2;
+    }
     constexpr std::int64_t kSteps = 3'000;
     const auto agent = make_agent(kSteps);
     Catch world;

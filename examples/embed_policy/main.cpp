@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <exception>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include <cale/emulator.h>
@@ -48,16 +49,19 @@ Played play(const cale::Policy& policy, cale::Emulator& console, int most_frames
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc < 2) {
-        std::fprintf(stderr, "usage: embed_policy POLICY.safetensors [FRAMES]\n");
-        return 2;
+    const bool asked = argc == 2 && std::string_view(argv[1]) == "--help";
+    const int most_frames = argc > 2 ? std::atoi(argv[2]) : 108'000;
+    if (argc < 2 || argc > 3 || most_frames < 1 || asked) {
+        std::fputs("usage: embed_policy POLICY.safetensors [FRAMES], with FRAMES at least 1\n",
+                   asked ? stdout : stderr);
+        return asked ? 0 : 2;
     }
     try {
         const auto policy = cale::Policy::load(argv[1]);
         const auto& game = cale::find_game(policy.info().game);
         cale::Emulator console(game, cale::find_rom(policy.info().game, ""), /*sticky_probability=*/0.25F,
                                /*seed=*/1);
-        const auto [frames, score] = play(policy, console, argc > 2 ? std::atoi(argv[2]) : 108'000);
+        const auto [frames, score] = play(policy, console, most_frames);
         std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(),
                     policy.info().game.c_str(), score, frames);
         return frames > 0 ? 0 : 1;

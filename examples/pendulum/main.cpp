@@ -46,7 +46,8 @@ class Pendulum {
         angle_ += speed_ * kTimeStep;
         cale::StepResult result;
         result.reward = static_cast<float>(-cost);
-        result.episode_over = ++steps_ == 200;  // cut off, not terminal: the next state has a value
+        // Cut off, not terminal: the last state has a value.
+        result.truncated = result.episode_over = ++steps_ == 200;
         return result;
     }
 

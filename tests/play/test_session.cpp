@@ -161,5 +161,14 @@ TEST(WindowWithoutDisplay, SaysSo) {
     unsetenv("SDL_VIDEODRIVER");
 }
 
+TEST(WindowWithoutDisplay, IsNoneThatNobodySees) {
+    for (const auto* name : {"DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR"}) unsetenv(name);
+    for (const bool empty : {false, true}) {
+        if (empty) setenv("SDL_VIDEODRIVER", "", 1);
+        EXPECT_THROW(Window(64, 48, {}), std::runtime_error) << empty;
+    }
+    unsetenv("SDL_VIDEODRIVER");
+}
+
 }  // namespace
 }  // namespace cale
