@@ -174,7 +174,8 @@ TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
             << manifest;
     }
     write_file_atomically(folder / "manifest.json", R"({"format_version": 4, "files": {}})");
-    EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors")));
+    EXPECT_THAT([&] { load(); },
+                ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors")));
 }
 
 TEST_F(Checkpoints, OnlyTheNewestStay) {
