@@ -32,8 +32,7 @@ EnvConfig share_of(const EnvConfig& config, const ProcessGroup& processes) {
 }
 
 constexpr std::int64_t kTold = 5;
-/// What meet() tells of the results [steps x N]: reward, episode over, truncated, frames,
-/// event.
+/// What meet() tells of the results [steps x N]: reward, episode over, truncated, frames, event.
 torch::Tensor told(std::span<const StepResult> results) {
     auto rows = torch::empty({static_cast<std::int64_t>(results.size()), kTold}, torch::kFloat32);
     auto* row = rows.data_ptr<float>();

@@ -165,8 +165,7 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
         "every number.</p>\n",
         comparison.config.score == ScoreKind::training
             ? "the mean return of the games in the last tenth of its training, or in the last 250,000 agent "
-              "steps if "
-              "that is less, exploration included"
+              "steps if that is less, exploration included"
             : "the mean return of its newest evaluation",
         100 * bootstrap.confidence, bootstrap.resamples, std::min(bootstrap.resamples, kBandResamples),
         bootstrap.seed);

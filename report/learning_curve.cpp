@@ -90,7 +90,8 @@ std::vector<double> mean_returns(const EpisodeHistory& episodes, double window) 
     std::size_t oldest = 0;
     for (std::size_t i = 0; i < episodes.returns.size(); ++i) {
         sum += episodes.returns[i];
-        while (episodes.steps[oldest] <= episodes.steps[i] - window) sum -= episodes.returns[oldest++];
+        while (oldest < i && episodes.steps[oldest] <= episodes.steps[i] - window)
+            sum -= episodes.returns[oldest++];
         means.push_back(sum / static_cast<double>(i + 1 - oldest));
     }
     return means;

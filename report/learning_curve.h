@@ -30,7 +30,7 @@ EpisodeHistory read_episodes(const std::filesystem::path& path);
 std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);
 
 /// Element i is the mean return of the episodes that ended in the `window` agent steps up to the end of
-/// episode i.
+/// episode i, which is always among them, whatever the steps are.
 std::vector<double> mean_returns(const EpisodeHistory& episodes, double window);
 
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <string>
@@ -85,6 +86,9 @@ TEST_F(LearningCurve, AveragesOverTheNewestSteps) {
     EXPECT_THAT(mean_returns(episodes, 20), ElementsAre(1, 3, 5.5, 10, 15));
     EXPECT_THAT(mean_returns(episodes, 1e9), ElementsAre(1, 2, 4, 5.5, 8.4));
     EXPECT_THAT(mean_returns({}, 20), IsEmpty());
+    const auto endless = std::numeric_limits<double>::infinity();
+    EXPECT_THAT(mean_returns({.steps = {0, 0}, .returns = {1, 3}}, 0), ElementsAre(1, 3));
+    EXPECT_THAT(mean_returns({.steps = {endless, endless}, .returns = {1, 3}}, 20), ElementsAre(1, 3));
 }
 
 TEST_F(LearningCurve, ShowsEveryReturnAndTheirAverage) {
