@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
@@ -160,11 +159,7 @@ std::vector<ConfigDifference> changes_since(const Program& program, const fs::pa
 
 /// What is behind a run cannot be undone.
 void check_length(const Program& program, const fs::path& run_dir) {
-    const auto checkpoints = list_checkpoints(run_dir);
-    if (checkpoints.empty()) return;
-    const auto name = checkpoints.back().filename().string();  // step_000250000
-    std::int64_t step = 0;
-    std::from_chars(name.data() + 5, name.data() + name.size(), step);
+    const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
     if (step > program.train.total_steps) {
         throw ResumeError(
             fmt::format("--resume {}: it is at agent step {} already, and train.total_steps is {}; "

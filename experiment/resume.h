@@ -1,7 +1,10 @@
-// What of a run's settings may change while it is under way.
+// What is to be known of a run before it is resumed: how far it came, and which of its settings may change.
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <string_view>
 
 namespace cale {
@@ -19,5 +22,9 @@ inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.t
                                                                         "log.tensorboard",
                                                                         "env.rom_dir",
                                                                         "env.env_threads"};
+
+/// The largest step that a name in the folder has: step_000250000 and then `ending`. None where there is no
+/// such name, or no folder.
+std::optional<std::int64_t> newest_step(const std::filesystem::path& folder, std::string_view ending);
 
 }  // namespace cale

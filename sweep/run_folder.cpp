@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -17,6 +16,7 @@
 
 #include "cale/text.h"
 #include "experiment/files.h"
+#include "experiment/resume.h"
 #include "experiment/run_lock.h"
 #include "sweep/shell.h"
 
@@ -28,25 +28,6 @@ namespace {
 constexpr const char* kClaim = ".claim";
 constexpr const char* kOutput = "output.log";
 constexpr const char* kFailure = "failure.txt";
-
-/// "step_000250000" or "step_000250000.csv" as 250000.
-std::optional<std::int64_t> step_in(std::string name, std::string_view ending) {
-    if (!name.starts_with("step_") || !name.ends_with(ending)) return std::nullopt;
-    name = name.substr(5, name.size() - 5 - ending.size());
-    std::int64_t step = 0;
-    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), step);
-    if (error != std::errc{} || end != name.data() + name.size()) return std::nullopt;
-    return step;
-}
-
-/// The largest step that a name in the folder has.
-std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {
-    std::optional<std::int64_t> newest;
-    std::error_code ignored;
-    for (const auto& item : fs::directory_iterator(folder, ignored))
-        newest = std::max(newest, step_in(item.path().filename(), ending));
-    return newest;
-}
 
 /// The end of a file, which may be long.
 std::string tail(const fs::path& file, std::int64_t bytes) {
