@@ -1,7 +1,6 @@
 #include "agents/process_group.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cstdlib>
 #include <exception>
 #include <stdexcept>
@@ -16,6 +15,7 @@
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
 #include "agents/device_backend.h"
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -31,10 +31,8 @@ std::optional<std::string> variable(const char* name) {
 }
 
 int number(const char* name, const std::string& text, int low, int high) {
-    int value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error == std::errc() && end == text.data() + text.size() && value >= low && value <= high)
-        return value;
+    const auto value = number_in<int>(text);
+    if (value && *value >= low && *value <= high) return *value;
     throw std::invalid_argument(std::string(name) + "=" + text + ": must be a whole number from " +
                                 std::to_string(low) + " to " + std::to_string(high));
 }

@@ -1,13 +1,14 @@
 // The command lines of the small programs here: words in a fixed order.
 #pragma once
 
-#include <charconv>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+
+#include "cale/text.h"
 
 namespace bench {
 
@@ -16,10 +17,8 @@ inline constexpr int kUsage = 2;  // the exit code for what the user wrote
 /// The number that all of `text` is. Throws std::invalid_argument for another.
 inline std::int64_t whole_number(const std::string& name, std::string_view text, std::int64_t least,
                                  std::int64_t most) {
-    std::int64_t number = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-    if (error == std::errc{} && end == text.data() + text.size() && number >= least && number <= most)
-        return number;
+    const auto number = cale::number_in<std::int64_t>(text);
+    if (number && *number >= least && *number <= most) return *number;
     throw std::invalid_argument(name + " is '" + std::string(text) + "': give a whole number from " +
                                 std::to_string(least) + " to " + std::to_string(most));
 }

@@ -1,15 +1,28 @@
 // What reading names and tables needs of text.
 #pragma once
 
+#include <charconv>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 namespace cale {
 
 /// The parts between the separators: one more than there are separators, of which any may be empty.
 std::vector<std::string> split(std::string_view text, char separator);
+
+/// The number that all of the text is; none if it is anything else, or does not fit.
+template <class Number>
+std::optional<Number> number_in(std::string_view text) {
+    Number number{};
+    const char* const end = text.data() + text.size();
+    const auto [stopped, error] = std::from_chars(text.data(), end, number);
+    if (error != std::errc{} || stopped != end) return std::nullopt;
+    return number;
+}
 
 /// How many mistakes apart two words are: letters put in, left out, replaced, or swapped with their neighbour
 /// (optimal string alignment).

@@ -36,7 +36,8 @@ if(programs)
     set_target_properties(${programs} PROPERTIES
         INSTALL_RPATH $ORIGIN/../${CMAKE_INSTALL_LIBDIR} INSTALL_RPATH_USE_LINK_PATH ON)
     install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT train)
-    install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs ${PROJECT_SOURCE_DIR}/sweeps ${PROJECT_SOURCE_DIR}/data DESTINATION ${CMAKE_INSTALL_DATADIR}/cale COMPONENT train)
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs ${PROJECT_SOURCE_DIR}/sweeps
+        ${PROJECT_SOURCE_DIR}/data ${PROJECT_SOURCE_DIR}/policies DESTINATION ${CMAKE_INSTALL_DATADIR}/cale COMPONENT train)
 endif()
 
 # cale-NAME.pc: what a program without CMake says to the compiler and to the linker. VARIABLE names a dependency's

@@ -1,15 +1,14 @@
 #include "experiment/command_line.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <iostream>
 
 #include <fmt/format.h>
-#include <torch/cuda.h>
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cale/text.h"
 #include "experiment/columns.h"
 #include "experiment/files.h"
 #include "experiment/versions.h"
@@ -50,22 +49,16 @@ std::string setting_text(const ConfigEntry& entry) {
 
 // ---- options ------------------------------------------------------------------------
 
-std::optional<std::uint64_t> parse_natural(std::string_view text) {
-    std::uint64_t value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-    return value;
-}
-
 void check_device(const std::string& device) {
-    const bool with_index = device.starts_with("cuda:") && parse_natural(std::string_view(device).substr(5));
+    const bool with_index =
+        device.starts_with("cuda:") && number_in<std::uint64_t>(std::string_view(device).substr(5));
     if (device != "auto" && device != "cpu" && device != "cuda" && !with_index) {
         throw ConfigError(fmt::format("--device must be auto, cpu, cuda or cuda:<index>, not '{}'", device));
     }
 }
 
 void check_threads(const std::string& threads) {
-    const auto number = parse_natural(threads);
+    const auto number = number_in<std::uint64_t>(threads);
     if (threads != "auto" && !(number && *number >= 1 && *number <= 4096)) {
         throw ConfigError(
             fmt::format("--threads must be auto or a number from 1 to 4096, not '{}'", threads));
@@ -186,11 +179,10 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
 
 }  // namespace
 
-c10::Device find_device(const std::string& wish, std::optional<std::uint64_t> own_index) {
+c10::Device find_device(const std::string& wish, std::uint64_t gpus, std::optional<std::uint64_t> own_index) {
     check_device(wish);
-    const std::uint64_t count = torch::cuda::device_count();
-    if (wish == "cpu" || (wish == "auto" && count == 0)) return c10::kCPU;
-    if (count == 0) {
+    if (wish == "cpu" || (wish == "auto" && gpus == 0)) return c10::kCPU;
+    if (gpus == 0) {
         throw ConfigError(
             fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
                         "--cuda on a machine with an NVIDIA GPU",
@@ -198,11 +190,11 @@ c10::Device find_device(const std::string& wish, std::optional<std::uint64_t> ow
     }
     const auto colon = wish.find(':');
     const auto index =
-        colon == wish.npos ? own_index : parse_natural(std::string_view(wish).substr(colon + 1));
+        colon == wish.npos ? own_index : number_in<std::uint64_t>(std::string_view(wish).substr(colon + 1));
     if (!index) return c10::kCUDA;
-    if (*index >= count) {
+    if (*index >= gpus) {
         throw ConfigError(fmt::format(
-            "--device {}: cuda:{} is not there; this machine has {}, counted from 0", wish, *index, count));
+            "--device {}: cuda:{} is not there; this machine has {}, counted from 0", wish, *index, gpus));
     }
     return {c10::kCUDA, static_cast<c10::DeviceIndex>(*index)};
 }

@@ -52,10 +52,11 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv);
 
-/// The device that --device asks for: auto (cuda if there is one), cpu, cuda or cuda:<index>. `own_index` is
-/// which one is meant by cuda alone; without it, the current one. Throws ConfigError for another name and for
-/// a device that is not there.
-c10::Device find_device(const std::string& wish, std::optional<std::uint64_t> own_index = std::nullopt);
+/// The device that --device asks for: auto (cuda if there is one), cpu, cuda or cuda:<index>, on a machine
+/// with as many GPUs as torch::cuda::device_count() tells. `own_index` is which one is meant by cuda alone;
+/// without it, the current one. Throws ConfigError for another name and for a device that is not there.
+c10::Device find_device(const std::string& wish, std::uint64_t gpus,
+                        std::optional<std::uint64_t> own_index = std::nullopt);
 
 /// "train_sac 0.1.0 (LibTorch 2.11.0, ALE 0.12.1)"
 std::string version_text(std::string_view program);

@@ -1,7 +1,6 @@
 #include "experiment/config.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <sstream>
@@ -83,21 +82,13 @@ std::string plain_number(std::string_view text) {
     return result;
 }
 
-template <class Number>
-std::optional<Number> parse(const std::string& text) {
-    Number value{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-    return value;
-}
-
 std::optional<double> parse_number(std::string_view text) {
-    const auto value = parse<double>(plain_number(text));
+    const auto value = number_in<double>(plain_number(text));
     return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 std::optional<std::int64_t> parse_integer(std::string_view text) {
-    if (const auto value = parse<std::int64_t>(plain_number(text))) return value;
+    if (const auto value = number_in<std::int64_t>(plain_number(text))) return value;
     // 1e6, 2.5e3: exact as long as a double can count.
     const auto value = parse_number(text);
     if (!value || *value != std::trunc(*value) || std::abs(*value) > 0x1p53) return std::nullopt;

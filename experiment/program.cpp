@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <new>
 #include <optional>
 #include <thread>
 
@@ -16,6 +15,7 @@
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <torch/cuda.h>
 #include <torch/types.h>
 #include <nlohmann/json.hpp>
 
@@ -23,6 +23,7 @@
 #include "cale/vector_env.h"
 #include "experiment/checkpoint.h"
 #include "experiment/command_line.h"
+#include "experiment/failure.h"
 #include "experiment/files.h"
 #include "experiment/resume.h"
 #include "experiment/run_lock.h"
@@ -79,8 +80,9 @@ std::optional<ProcessPlace> find_place(const Program& program) {
 
 /// Several processes on a machine take a CUDA device each.
 torch::Device choose_device(const std::string& wish, const std::optional<ProcessPlace>& place) {
-    if (!place) return find_device(wish);
-    return find_device(wish, static_cast<std::uint64_t>(place->local_rank));
+    const auto gpus = torch::cuda::device_count();
+    if (!place) return find_device(wish, gpus);
+    return find_device(wish, gpus, static_cast<std::uint64_t>(place->local_rank));
 }
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads
@@ -348,21 +350,11 @@ int run(const Program& program, int argc, const char* const* argv) {
     }
 }
 
-constexpr const char* kNoMemory =
-    "there is not enough memory; make batches, networks, rollouts or the replay smaller, or free some";
-
-/// What LibTorch says, but for memory, of which it tells line numbers in its sources.
-std::string sentence_of(std::string_view error) {
-    const bool memory =
-        error.find("can't allocate memory") != error.npos || error.find("out of memory") != error.npos;
-    return std::string(memory ? kNoMemory : error);
-}
-
 }  // namespace
 
 int run_program(const Program& program, int argc, const char* const* argv) {
     const auto fail = [&](const std::exception& error, ExitCode code) {
-        std::fprintf(stderr, "%s: %s\n", program.name.c_str(), error.what());
+        std::fprintf(stderr, "%s: %s\n", program.name.c_str(), failure_sentence(error).c_str());
         return code;
     };
     try {
@@ -371,11 +363,6 @@ int run_program(const Program& program, int argc, const char* const* argv) {
         return fail(error, kUsage);
     } catch (const ResumeError& error) {
         return fail(error, kCannotResume);
-    } catch (const c10::Error& error) {
-        // LibTorch's what() carries a stack trace.
-        return fail(std::runtime_error(sentence_of(error.what_without_backtrace())), kFailed);
-    } catch (const std::bad_alloc&) {
-        return fail(std::runtime_error(kNoMemory), kFailed);
     } catch (const std::exception& error) {
         return fail(error, kFailed);
     }

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -32,12 +31,9 @@ std::optional<std::size_t> CsvTable::find(std::string_view column) const {
 }
 
 double CsvTable::number(std::size_t row, std::size_t column) const {
-    const auto& text = rows[row][column];
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value))
-        throw damaged(path, lines[row], rows[row]);
-    return value;
+    const auto value = number_in<double>(rows[row][column]);
+    if (!value || !std::isfinite(*value)) throw damaged(path, lines[row], rows[row]);
+    return *value;
 }
 
 CsvTable read_csv(const std::filesystem::path& path) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdint>
 #include <iterator>
 #include <optional>
@@ -13,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "experiment/config.h"
 
 namespace cale {
@@ -35,10 +35,8 @@ std::vector<std::string> games_of_group(std::string_view word) {
 }
 
 std::optional<std::int64_t> natural(std::string_view text) {
-    std::int64_t value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size() || value < 0) return std::nullopt;
-    return value;
+    const auto value = number_in<std::int64_t>(text);
+    return value && *value >= 0 ? value : std::nullopt;
 }
 
 std::vector<std::string> expand_one(std::string_view key, const std::string& text) {

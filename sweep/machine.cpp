@@ -1,51 +1,22 @@
 #include "sweep/machine.h"
 
 #include <algorithm>
-#include <charconv>
-#include <string_view>
-#include <system_error>
 
 #include <fmt/format.h>
 #include <sched.h>
 
-#include "experiment/config.h"
+#include "experiment/command_line.h"
 #include "replay/available_memory.h"
 
 namespace cale {
 namespace {
 
-void check_device(const std::string& device) {
-    const bool indexed = device.starts_with("cuda:") && device.size() > 5 &&
-                         device.find_first_not_of("0123456789", 5) == std::string::npos;
-    if (device != "cpu" && device != "cuda" && !indexed)
-        throw ConfigError(
-            fmt::format("--device {}: expected auto, cpu, cuda or cuda:<index>, or several of the "
-                        "last with commas between",
-                        device));
-}
-
-/// A GPU that is not there would fail every run, one after the other.
-void check_presence(const std::string& device, int gpus) {
-    if (device == "cpu") return;
-    if (gpus == 0)
-        throw ConfigError(
-            fmt::format("--device {}: LibTorch finds no GPU on this machine; use --device cpu", device));
-    if (device == "cuda") return;
-    int index = 0;
-    const auto number = std::string_view(device).substr(5);
-    const auto error = std::from_chars(number.data(), number.data() + number.size(), index).ec;
-    if (error != std::errc{} || index >= gpus)
-        throw ConfigError(fmt::format("--device {}: this machine has {} GPU{}, and cuda:{} is the last",
-                                      device, gpus, gpus == 1 ? "" : "s", gpus - 1));
-}
-
 std::vector<std::string> devices_of(const Machine& machine, const Sharing& sharing) {
-    for (const auto& device : sharing.devices) {
-        check_device(device);
-        check_presence(device, machine.gpus);
-    }
-    if (!sharing.devices.empty()) return sharing.devices;
     std::vector<std::string> devices;
+    const auto gpus = static_cast<std::uint64_t>(machine.gpus);
+    // A GPU that is not there would fail every run, one after the other.
+    for (const auto& device : sharing.devices) devices.push_back(find_device(device, gpus).str());
+    if (!devices.empty()) return devices;
     devices.reserve(static_cast<std::size_t>(machine.gpus));
     for (int gpu = 0; gpu < machine.gpus; ++gpu) devices.push_back(fmt::format("cuda:{}", gpu));
     if (devices.empty()) devices.emplace_back("cpu");

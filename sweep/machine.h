@@ -42,7 +42,7 @@ struct Slots {
 
 /// As many places as cores, memory and GPUs allow, one at least, and no more than there are runs; or as many
 /// as `sharing.jobs`. Runs on one GPU after the other, so that a few runs are spread over all of them.
-/// Throws ConfigError for a device that is not cpu, cuda or cuda:<index>, and for a GPU that is not there.
+/// Throws ConfigError for a device that find_device does not know, and for a GPU that is not there.
 Slots share(const Machine& machine, const Sharing& sharing, std::span<const PlannedRun> runs);
 
 }  // namespace cale

@@ -2,18 +2,17 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-#include <c10/util/Exception.h>
 #include <fmt/format.h>
 
 #include "experiment/command_line.h"
 #include "experiment/config.h"
+#include "experiment/failure.h"
 #include "train/commands.h"
 #include "train/help.h"
 #include "train/usage.h"
@@ -79,14 +78,8 @@ int main(int argc, char** argv) {
         return fail(error.what(), 2);
     } catch (const std::invalid_argument& error) {
         return fail(error.what(), 2);
-    } catch (const c10::Error& error) {
-        // LibTorch's what() carries a stack trace.
-        return fail(error.what_without_backtrace(), 1);
-    } catch (const std::filesystem::filesystem_error& error) {
-        // Its what() is no sentence.
-        return fail(fmt::format("cannot use '{}': {}", error.path1().string(), error.code().message()), 1);
     } catch (const std::exception& error) {
-        return fail(error.what(), 1);
+        return fail(cale::failure_sentence(error), 1);
     }
     return exit_code;
 }

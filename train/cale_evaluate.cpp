@@ -10,6 +10,9 @@
 
 #include <fmt/format.h>
 
+#include <ATen/Parallel.h>
+#include <torch/cuda.h>
+
 #include "cale/games.h"
 #include "experiment/command_line.h"
 #include "experiment/config.h"
@@ -40,6 +43,7 @@ struct Options {
     std::int64_t video_episode = 0;
     double video_minutes = 5;
     std::string device = "cpu";
+    int threads = 1;
 };
 
 EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
@@ -83,7 +87,8 @@ fs::path make_folder(const Options& options, const PolicyInfo& policy, const Env
 }
 
 void run(const Options& options) {
-    const Policy policy = policy_of(options.policy, find_device(options.device));
+    at::set_num_threads(options.threads);
+    const Policy policy = policy_of(options.policy, find_device(options.device, torch::cuda::device_count()));
     const PolicyInfo& info = policy.info();
     EvaluationPlan plan =
         plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
@@ -188,6 +193,9 @@ void add_evaluate(CLI::App& app) {
         .add_option("--device", options->device,
                     "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
         ->type_name("DEVICE");
+    command.add_option("--threads", options->threads, "threads for tensors; sums may be rounded another way")
+        ->transform(whole_numbers(1, 4096))
+        ->type_name("N");
     command.footer(
         "Written to the folder: evaluation.csv (a row per game), evaluation_events.csv (how often each "
         "joystick event),\n"

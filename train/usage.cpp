@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -13,19 +12,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cale/text.h"
 #include "experiment/config.h"
 
 namespace cale {
 namespace fs = std::filesystem;
 namespace {
-
-/// All of `text` as a number; false if it is none, or does not fit.
-template <class Number>
-bool read_number(const std::string& text, Number& number) {
-    const char* const end = text.data() + text.size();
-    const auto [stopped, error] = std::from_chars(text.data(), end, number);
-    return error == std::errc{} && stopped == end;
-}
 
 std::string hint(std::string_view text, const std::vector<std::string>& candidates) {
     const auto guess = nearest(text, candidates);
@@ -79,10 +71,10 @@ std::string leftover(const CLI::App& command) {
 
 CLI::Validator whole_numbers(std::int64_t least, std::int64_t most) {
     const auto read = [=](std::string& text) {
-        std::int64_t number = 0;
-        if (!read_number(text, number) || number < least || number > most)
+        const auto number = number_in<std::int64_t>(text);
+        if (!number || *number < least || *number > most)
             return fmt::format("'{}': give a whole number from {} to {}", text, least, most);
-        text = std::to_string(number);  // for CLI11 010 would be 8
+        text = std::to_string(*number);  // for CLI11 010 would be 8
         return std::string();
     };
     return {read, fmt::format("INT in [{} - {}]", least, most)};
@@ -90,8 +82,8 @@ CLI::Validator whole_numbers(std::int64_t least, std::int64_t most) {
 
 CLI::Validator numbers(double least, double most) {
     const auto read = [=](const std::string& text) {
-        double number = 0;
-        if (read_number(text, number) && number >= least && number <= most) return std::string();
+        const auto number = number_in<double>(text);
+        if (number && *number >= least && *number <= most) return std::string();
         return fmt::format("'{}': give a number from {} to {}", text, least, most);
     };
     return {read, fmt::format("FLOAT in [{} - {}]", least, most)};

@@ -179,13 +179,24 @@ TEST_F(CommandLineTest, Devices) {
 }
 
 TEST_F(CommandLineTest, DevicesThatAreNotThere) {
-    const auto refused = [](const std::string& wish) {
-        return test::error_of<ConfigError>([&] { find_device(wish); });
+    const auto refused = [](const std::string& wish, std::uint64_t gpus) {
+        return test::error_of<ConfigError>([&] { find_device(wish, gpus); });
     };
-    EXPECT_TRUE(find_device("cpu").is_cpu());
-    EXPECT_EQ(refused("auto"), "no error");
-    EXPECT_EQ(refused("foo"), "--device must be auto, cpu, cuda or cuda:<index>, not 'foo'");
-    EXPECT_THAT(refused("cuda:999"), StartsWith("--device cuda:999: "));
+    EXPECT_EQ(refused("foo", 2), "--device must be auto, cpu, cuda or cuda:<index>, not 'foo'");
+    EXPECT_THAT(refused("cuda", 0), StartsWith("--device cuda: this LibTorch finds no CUDA device; "));
+    EXPECT_THAT(refused("cuda:0", 0), StartsWith("--device cuda:0: this LibTorch finds no CUDA device; "));
+    EXPECT_EQ(refused("cuda:2", 2),
+              "--device cuda:2: cuda:2 is not there; this machine has 2, counted from 0");
+    EXPECT_THAT(refused("cuda:99999999999", 1), StartsWith("--device cuda:99999999999: "));
+}
+
+TEST_F(CommandLineTest, DevicesThatAreThere) {
+    EXPECT_EQ(find_device("cpu", 2).str(), "cpu");
+    EXPECT_EQ(find_device("auto", 0).str(), "cpu");
+    EXPECT_EQ(find_device("auto", 2).str(), "cuda");
+    EXPECT_EQ(find_device("auto", 2, 1).str(), "cuda:1");
+    EXPECT_EQ(find_device("cuda", 2).str(), "cuda");
+    EXPECT_EQ(find_device("cuda:0", 2, 1).str(), "cuda:0");
 }
 
 TEST_F(CommandLineTest, Threads) {

@@ -299,6 +299,13 @@ TEST(PolicyEvaluationEmulator, SamplesAGameTheSameWayWhateverIsBesideIt) {
     EXPECT_NE(rows(evaluate(decide_by(policy, true, 2), plan)), alone);
 }
 
+/// People reach 29.6, random play 0; policies/README.md has the mean of 100 games.
+TEST(PolicyEvaluationEmulator, APolicyOfThisRepositoryPlaysFreeway) {
+    const auto policy = policy_of(CALE_SOURCE_DIR "/policies/freeway_ppo.safetensors");
+    const EvaluationPlan plan{.env = env_config_of(policy.info()), .games = 1};
+    EXPECT_GE(evaluate(decide_by(policy, true, 1), plan).games.at(0).episode_return, 18);
+}
+
 TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     const TemporaryFolder folder;
     const auto policy = trained("ppo", make_ppo, folder.path() / "run", {"env.action_space=minimal"});

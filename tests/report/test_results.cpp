@@ -1,6 +1,5 @@
 // The tables of docs/results.md say what the CSV files beside it say.
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -22,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 const fs::path kDocs = CALE_SOURCE_DIR "/docs";
+const fs::path kPolicies = CALE_SOURCE_DIR "/policies";
 
 /// A table in Markdown behind a line "<!-- FILE.csv -->". Columns that the file has are checked against it;
 /// in the others stands what is said about them. Of a table with a column "gate" each row is the file's first
@@ -65,10 +65,7 @@ std::vector<PrintedTable> printed_tables(const fs::path& page) {
 
 std::optional<double> as_number(std::string text) {
     std::erase(text, ',');
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-    return value;
+    return number_in<double>(text);
 }
 
 /// Words are equal; numbers are after rounding to as many digits as were printed.
@@ -114,6 +111,28 @@ TEST(Results, TheTablesSayWhatTheFilesSay) {
             EXPECT_EQ(difference(table, row, csv), "")
                 << table.csv << ": " << fmt::format("{}", fmt::join(row, " | "));
     }
+}
+
+/// Each row is a policy file of this folder, and <policy>.csv holds the games that it was evaluated in.
+TEST(Results, ThePoliciesPlayedAsTheirTableSays) {
+    const auto tables = printed_tables(kPolicies / "README.md");
+    ASSERT_EQ(tables.size(), 1u);
+    ASSERT_THAT(tables[0].columns, testing::ElementsAre("policy", "game", "frames", "games", "mean return"));
+    std::vector<std::string> named;
+    for (const auto& row : tables[0].rows) {
+        const auto file = kPolicies / row[0].substr(1, row[0].size() - 2);  // `freeway_ppo.safetensors`
+        named.push_back(file.filename());
+        const auto games = read_csv(fs::path(file).replace_extension(".csv"));
+        double sum = 0;
+        for (std::size_t i = 0; i < games.rows.size(); ++i) sum += games.number(i, *games.find("return"));
+        const auto count = games.rows.size();
+        EXPECT_TRUE(agree(row[3], std::to_string(count))) << file;
+        EXPECT_TRUE(agree(row[4], std::to_string(sum / static_cast<double>(count)))) << file;
+    }
+    std::vector<std::string> there;
+    for (const auto& item : fs::directory_iterator(kPolicies))
+        if (item.path().extension() == ".safetensors") there.push_back(item.path().filename());
+    EXPECT_THAT(named, testing::UnorderedElementsAreArray(there));
 }
 
 TEST(Results, WhatTheFilesDoNotSayIsFound) {

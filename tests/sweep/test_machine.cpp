@@ -78,7 +78,7 @@ TEST(Sharing, RefusesWhatIsNoDevice) {
     for (const std::string device : {"gpu", "cuda:", "cuda:x", ""})
         EXPECT_THAT(
             test::error_of<ConfigError>([&] { share(kFourCores, {.devices = {device}}, runs_of(1)); }),
-            testing::HasSubstr("--device " + device + ": expected auto, cpu"));
+            testing::HasSubstr("--device must be auto, cpu, cuda or cuda:<index>, not '" + device + "'"));
 }
 
 TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
@@ -87,11 +87,9 @@ TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
         machine.gpus = gpus;
         return test::error_of<ConfigError>([&] { share(machine, {.devices = {device}}, runs_of(1)); });
     };
-    EXPECT_EQ(mistake(0, "cuda:0"),
-              "--device cuda:0: LibTorch finds no GPU on this machine; use --device cpu");
-    EXPECT_THAT(mistake(0, "cuda"), testing::HasSubstr("LibTorch finds no GPU"));
-    EXPECT_EQ(mistake(2, "cuda:2"), "--device cuda:2: this machine has 2 GPUs, and cuda:1 is the last");
-    EXPECT_THAT(mistake(1, "cuda:99999999999"), testing::HasSubstr("this machine has 1 GPU, and cuda:0"));
+    EXPECT_THAT(mistake(0, "cuda:0"), testing::HasSubstr("LibTorch finds no CUDA device; use --device cpu"));
+    EXPECT_THAT(mistake(0, "cuda"), testing::HasSubstr("LibTorch finds no CUDA device"));
+    EXPECT_THAT(mistake(2, "cuda:2"), testing::HasSubstr("this machine has 2, counted from 0"));
     EXPECT_EQ(mistake(1, "cuda"), "no error");
     EXPECT_EQ(mistake(2, "cuda:1"), "no error");
 }

@@ -153,7 +153,7 @@ TEST_F(SweepCommand, AFolderThatCannotHoldRunsIsRefusedBeforeAnythingStarts) {
 TEST_F(SweepCommand, ACudaDeviceThatIsNotThereIsSaidOnce) {
     options_.sharing.devices = {"cuda:0"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
-                HasSubstr("--device cuda:0: LibTorch finds no"));
+                HasSubstr("--device cuda:0: this LibTorch finds no"));
     EXPECT_FALSE(fs::exists(fake_.sweep()));
 }
 
