@@ -7,10 +7,10 @@
 #include <system_error>
 #include <utility>
 
-#include <c10/util/Exception.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "experiment/failure.h"
 #include "experiment/files.h"
 #include "experiment/safetensors.h"
 #include "replay/replay_buffer.h"
@@ -214,17 +214,15 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool wi
     }
     Checkpoint checkpoint;
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
-        const auto pass_over = [&](const char* why) {
+        const auto pass_over = [&](const std::string& why) {
             checkpoint.passed_over.push_back(
                 fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), why));
         };
         try {
             checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);
             return checkpoint;
-        } catch (const c10::Error& error) {
-            pass_over(error.what_without_backtrace());  // what() is many lines
         } catch (const std::exception& error) {
-            pass_over(error.what());
+            pass_over(failure_sentence(error));
         }
     }
     throw ResumeError(fmt::format("no checkpoint of {} can be read; of the newest: {}", run_dir.string(),

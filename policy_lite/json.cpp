@@ -4,6 +4,8 @@
 #include <charconv>
 #include <set>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
 
@@ -241,10 +243,7 @@ std::optional<std::string> json_text(std::string_view value) {
 }
 
 std::optional<std::uint64_t> json_natural(std::string_view value) {
-    std::uint64_t number = 0;
-    const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
-    if (error != std::errc() || end != value.data() + value.size()) return std::nullopt;
-    return number;
+    return number_in<std::uint64_t>(value);
 }
 
 std::string to_json(std::string_view text) {

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "cale/text.h"
+
 namespace cale {
 
 std::string text_of(double value) {
@@ -105,13 +107,13 @@ struct Reader {
     requires(std::is_same_v<Number, double> || std::is_same_v<Number, std::int64_t>) void operator()(
         const char* key, Number& value, Limit low, Limit high) const {
         const auto text = take_text(texts, key);
-        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-        const bool within = value >= static_cast<Number>(low) && value <= static_cast<Number>(high);
-        if (error != std::errc() || end != text.data() + text.size() || !within) {
+        const auto number = number_in<Number>(text);
+        if (!number || !(*number >= static_cast<Number>(low) && *number <= static_cast<Number>(high))) {
             refuse(key, text,
                    joined({std::is_same_v<Number, double> ? "a number from " : "a whole number from ",
                            text_of(static_cast<double>(low)), " to ", text_of(static_cast<double>(high))}));
         }
+        value = *number;
     }
     template <class Enum, class Names>
     requires std::is_enum_v<Enum>

@@ -6,6 +6,7 @@
 #include <sched.h>
 
 #include "experiment/command_line.h"
+#include "experiment/config.h"
 #include "replay/available_memory.h"
 
 namespace cale {
@@ -15,7 +16,11 @@ std::vector<std::string> devices_of(const Machine& machine, const Sharing& shari
     std::vector<std::string> devices;
     const auto gpus = static_cast<std::uint64_t>(machine.gpus);
     // A GPU that is not there would fail every run, one after the other.
-    for (const auto& device : sharing.devices) devices.push_back(find_device(device, gpus).str());
+    for (const auto& device : sharing.devices) {
+        if (device == "auto")
+            throw ConfigError("--device auto stands for all devices: give no other beside it");
+        devices.push_back(find_device(device, gpus).str());
+    }
     if (!devices.empty()) return devices;
     devices.reserve(static_cast<std::size_t>(machine.gpus));
     for (int gpu = 0; gpu < machine.gpus; ++gpu) devices.push_back(fmt::format("cuda:{}", gpu));

@@ -8,9 +8,8 @@
 
 #include <unistd.h>
 
-#include <fmt/format.h>
-
 #include <ATen/Parallel.h>
+#include <fmt/format.h>
 #include <torch/cuda.h>
 
 #include "cale/games.h"

@@ -1,4 +1,4 @@
-// The tables of docs/results.md say what the CSV files beside it say.
+// The tables of docs/results.md and policies/README.md say what the CSV files beside them say.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
