@@ -126,6 +126,23 @@ std::string range_text(Range range) {
     return "";
 }
 
+/// A text as YAML that every reader takes for a text.
+std::string quoted(const std::string& text) {
+    const auto is_plain = [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+               c == '-' || c == '.' || c == '/';
+    };
+    const auto is_start = [&](char c) {
+        return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
+    };
+    const bool is_word = text.size() == 1 || is_none(text) || parse_bool(text).has_value();
+    if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
+        return text;
+    YAML::Emitter emitter;
+    emitter << YAML::DoubleQuoted << text;
+    return emitter.c_str();
+}
+
 /// Reads text into a member of each type; `entry` is for the range and the sentences.
 struct Reader {
     const ConfigEntry& entry;
@@ -156,7 +173,12 @@ struct Reader {
         if (!value) reject("true or false");
         *member = *value;
     }
-    void operator()(std::string* member) const { *member = text; }
+    void operator()(std::string* member) const {
+        // Another one would not come back from the run's config.yaml.
+        if (YAML::Load(quoted(std::string(text))).as<std::string>() != text)
+            reject("text that a YAML file can hold, which is UTF-8");
+        *member = text;
+    }
     void operator()(const EnumMember& member) const {
         const auto found = std::find(member.names.begin(), member.names.end(), text);
         if (found == member.names.end()) {
@@ -188,23 +210,6 @@ struct TypeName {
         return fmt::format("one of {}", fmt::join(member.names, ", "));
     }
 };
-
-/// A text as YAML that every reader takes for a text.
-std::string quoted(const std::string& text) {
-    const auto is_plain = [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
-               c == '-' || c == '.' || c == '/';
-    };
-    const auto is_start = [&](char c) {
-        return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
-    };
-    const bool is_word = text.size() == 1 || is_none(text) || parse_bool(text).has_value();
-    if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
-        return text;
-    YAML::Emitter emitter;
-    emitter << YAML::DoubleQuoted << text;
-    return emitter.c_str();
-}
 
 // ---- keys ---------------------------------------------------------------------------
 

@@ -99,7 +99,9 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"human_normalised", nullptr}};
     if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
     write_evaluation(folder / "evaluation.csv", evaluation);
-    write_file_atomically(folder / "evaluation.json", json.dump(2) + "\n");
+    // The source is a path, which need not be UTF-8, as JSON must.
+    write_file_atomically(folder / "evaluation.json",
+                          json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
 }  // namespace cale

@@ -5,8 +5,10 @@
 
 #include <array>
 #include <chrono>
+#include <stdexcept>
 
 #include "experiment/checksum.h"
+#include "policy_lite/json.h"
 #include "tensorboard_event.pb.h"
 
 namespace cale {
@@ -46,6 +48,13 @@ tensorboard::Event event_at(std::int64_t step) {
     return event;
 }
 
+/// TensorBoard refuses a whole file for one text that is not.
+void check_utf8(std::string_view text) {
+    if (!is_utf8(text))
+        throw std::runtime_error(fmt::format(
+            "TensorBoard cannot show {}: it is not UTF-8; rename that metric or setting", in_quotes(text)));
+}
+
 /// Makes a cell of a Markdown table hold any text.
 std::string escaped(std::string_view text) {
     std::string out;
@@ -82,6 +91,7 @@ void EventFile::write(std::int64_t global_step, const std::map<std::string, doub
     if (scalars.empty()) return;
     auto event = event_at(global_step);
     for (const auto& [tag, number] : scalars) {
+        check_utf8(tag);
         auto& value = *event.mutable_summary()->add_value();
         value.set_tag(tag);
         value.set_simple_value(static_cast<float>(number));
@@ -92,6 +102,8 @@ void EventFile::write(std::int64_t global_step, const std::map<std::string, doub
 void EventFile::write_hyperparameters(std::span<const std::pair<std::string, std::string>> values) {
     std::string table = "|name|value|\n|-|-|";
     for (const auto& [name, text] : values) {
+        check_utf8(name);
+        check_utf8(text);
         table += fmt::format("\n|{}|{}|", escaped(name), escaped(text));
     }
     auto event = event_at(0);

@@ -20,7 +20,8 @@ std::string tf_record(std::string_view bytes);
 
 /// A new file `events.out.tfevents.<unix time>.<host>.<pid>.<n>` in the run's folder;
 /// TensorBoard shows all such files of a folder as one run. Every record reaches the
-/// file at once. Throws std::runtime_error when the disk is full or the file unwritable.
+/// file at once. Throws std::runtime_error when the disk is full, the file unwritable, or a
+/// text is not UTF-8: its record is not written then.
 class EventFile {
   public:
     /// `resumed_step`: the run continues from this step, and whatever an earlier session

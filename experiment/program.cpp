@@ -221,7 +221,9 @@ void write_metadata(const fs::path& run_dir, const Program& program, const Game&
                                      {"exp_name", program.agent_name},
                                      {"seed", program.train.seed},
                                      {"rom", rom.string()}};
-    write_file_atomically(run_dir / "metadata.json", metadata.dump(2) + "\n");
+    // A path need not be UTF-8, as JSON must.
+    write_file_atomically(run_dir / "metadata.json",
+                          metadata.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
 /// metadata.json remembers what was changed in mid-run, and when.

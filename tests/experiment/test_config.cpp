@@ -469,6 +469,17 @@ TEST_F(Config, TextThatOthersWouldMisreadIsQuoted) {
     }
 }
 
+TEST_F(Config, TextThatYamlCannotHoldIsRefused) {
+    // A byte that is not UTF-8, and a character that Unicode will never have.
+    for (const std::string label : {"m\xfcller", "\xef\xbf\xbf"}) {
+        EXPECT_EQ(override_error("fruit.label=" + label),
+                  "--set fruit.label=" + label +
+                      ": fruit.label must be text that a YAML file can hold, which is UTF-8, not '" + label +
+                      "'");
+        EXPECT_EQ(fruit_.label, "apple");
+    }
+}
+
 // ---- differences --------------------------------------------------------------------
 
 TEST_F(Config, DifferencesAreWhatAFileWouldChange) {

@@ -19,6 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
+using ::testing::ThrowsMessage;
 
 TEST(Crc32c, AgreesWithRfc3720) {
     EXPECT_EQ(crc32c("123456789"), 0xE3069283u);
@@ -98,6 +99,21 @@ TEST_F(EventFileOfARun, IsNamedAsTensorBoardExpects) {
     const EventFile file(folder_);
     EXPECT_THAT(file.path().filename().string(),
                 MatchesRegex("events\\.out\\.tfevents\\.[0-9]{10}\\..+\\.[0-9]+\\.0"));
+}
+
+TEST_F(EventFileOfARun, RefusesWhatTensorBoardCannotShow) {
+    EventFile file(folder_);
+    const auto empty = std::filesystem::file_size(file.path());
+    const std::vector<std::pair<std::string, std::string>> values{{"env.roms", "/home/m\xfcller"}};
+    const auto refused = [&](const std::string& text) {
+        return ThrowsMessage<std::runtime_error>("TensorBoard cannot show '" + text +
+                                                 "': it is not UTF-8; rename that metric or setting");
+    };
+    EXPECT_THAT([&] { file.write(1, {{"losses/a", 1}, {"losses/\xff", 2}}); }, refused("losses/\xff"));
+    EXPECT_THAT([&] { file.write_hyperparameters(values); }, refused("/home/m\xfcller"));
+    EXPECT_EQ(std::filesystem::file_size(file.path()), empty);
+    file.write(1, {{"losses/\u03b1", 2}});
+    EXPECT_EQ(read()["scalars"], nlohmann::json::parse(R"({"losses/\u03b1": [[1, 2]]})"));
 }
 
 TEST_F(EventFileOfARun, SaysWhyItCannotBeWritten) {

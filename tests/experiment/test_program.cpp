@@ -82,6 +82,7 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
                                                           {"env.game=pongg", "pong"},
                                                           {"env.threshold=1.5", "0 to 1"},
                                                           {"env.rom_dir=/nowhere", "/nowhere"},
+                                                          {"env.rom_dir=/m\xfcller", "which is UTF-8"},
                                                           {"env.rom_dir=" + wrong, "with MD5"}}) {
         const auto answer = train_sac(small(run, {mistake}));
         EXPECT_EQ(answer.code, 2) << mistake;
@@ -373,6 +374,18 @@ TEST(CaleEmulator, EvaluatesAndExportsARun) {
     EXPECT_EQ(folder.read("again.onnx"), folder.read("run.safetensors"));
     EXPECT_THAT(cale_says("export run.onnx -o x", folder.path()).text,
                 testing::HasSubstr("is not a policy file"));
+}
+
+TEST(CaleEmulator, AFoldersNameNeedNotBeUtf8) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "m\xfcller";
+    ASSERT_EQ(train_sac(small(run)).code, 0);
+    const auto resumed =
+        train_sac({"--resume", "--run-dir", run.string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
+    const auto evaluated =
+        cale_says("evaluate m\xfcller --episodes 1 --set env.max_frames_per_episode=40", folder.path());
+    EXPECT_EQ(evaluated.code, 0) << evaluated.text;
 }
 
 TEST(CaleEmulator, FilmsAPolicyWhereThereIsNoDisplay) {

@@ -30,9 +30,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
         }
     }
     // Whatever was accepted can be written and read again.
-    const auto yaml = table.to_yaml();
-    const auto again = folder.write("again.yaml", yaml);
-    fuzz::require(fuzz::accepts([&] { table.load(again); }), "its own YAML is refused");
-    fuzz::require(table.to_yaml() == yaml, "its own YAML means something else");
+    const auto again = folder.write("again.yaml", table.to_yaml());
+    bool same = false;
+    fuzz::require(fuzz::accepts([&] { same = table.differences(again).empty(); }), "its own YAML is refused");
+    fuzz::require(same, "its own YAML means something else");
     return 0;
 }

@@ -1,5 +1,7 @@
 // What TensorBoard is told: tags, numbers and a table of settings with any text in them. Input: lines
-// "tag<TAB>eight bytes of a double". The records must come out whole, and what is in them short enough.
+// "tag<TAB>eight bytes of a double", where the eight bytes are a setting's text too. The records must come
+// out whole, and without any text that is not UTF-8, which TensorBoard cannot read.
+#include <algorithm>
 #include <cstring>
 #include <iterator>
 #include <map>
@@ -8,6 +10,7 @@
 #include "experiment/checksum.h"
 #include "experiment/event_file.h"
 #include "fuzz.h"
+#include "policy_lite/json.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const fuzz::Folder folder;
@@ -24,11 +27,13 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
         settings.emplace_back(tag, bytes);
     }
     std::filesystem::path path;
+    std::size_t expected = 1;  // the version
     fuzz::accepts([&] {
         cale::EventFile file(folder / "");
         path = file.path();
-        file.write(static_cast<std::int64_t>(size), scalars);
-        file.write_hyperparameters(settings);
+        const auto written = [&](const auto& write) { expected += fuzz::accepts(write) ? 1 : 0; };
+        if (!scalars.empty()) written([&] { file.write(static_cast<std::int64_t>(size), scalars); });
+        written([&] { file.write_hyperparameters(settings); });
     });
     std::ifstream stream(path, std::ios::binary);
     const std::string contents{std::istreambuf_iterator<char>(stream), {}};
@@ -43,6 +48,13 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
                       "a wrong checksum");
         rest.remove_prefix(length + 16);
     }
-    fuzz::require(records == (scalars.empty() ? 2 : 3), "a record is missing");
+    fuzz::require(records == expected, "a record is missing, or one that was refused is there");
+    const bool tags_can_be_shown =
+        std::ranges::all_of(scalars, [](const auto& scalar) { return cale::is_utf8(scalar.first); });
+    const bool settings_can_be_shown = std::ranges::all_of(settings, [](const auto& setting) {
+        return cale::is_utf8(setting.first) && cale::is_utf8(setting.second);
+    });
+    fuzz::require(expected == 1 + (!scalars.empty() && tags_can_be_shown) + settings_can_be_shown,
+                  "UTF-8 was refused, or what is none was not");
     return 0;
 }
