@@ -27,11 +27,11 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
         settings.emplace_back(tag, bytes);
     }
     std::filesystem::path path;
-    std::size_t expected = 1;  // the version
+    std::size_t accepted = 1;  // the version
     fuzz::accepts([&] {
         cale::EventFile file(folder / "");
         path = file.path();
-        const auto written = [&](const auto& write) { expected += fuzz::accepts(write) ? 1 : 0; };
+        const auto written = [&](const auto& write) { accepted += fuzz::accepts(write) ? 1 : 0; };
         if (!scalars.empty()) written([&] { file.write(static_cast<std::int64_t>(size), scalars); });
         written([&] { file.write_hyperparameters(settings); });
     });
@@ -48,7 +48,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
                       "a wrong checksum");
         rest.remove_prefix(length + 16);
     }
-    fuzz::require(records == expected, "a record is missing, or one that was refused is there");
+    fuzz::require(records == accepted, "a record is missing, or one that was refused is there");
     const bool tags_can_be_shown =
         std::ranges::all_of(scalars, [](const auto& scalar) { return cale::is_utf8(scalar.first); });
     const bool settings_can_be_shown = std::ranges::all_of(settings, [](const auto& setting) {
@@ -57,6 +57,6 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     std::size_t due = 1;
     if (!scalars.empty() && tags_can_be_shown) ++due;
     if (settings_can_be_shown) ++due;
-    fuzz::require(expected == due, "UTF-8 was refused, or what is none was not");
+    fuzz::require(accepted == due, "UTF-8 was refused, or what is none was not");
     return 0;
 }
