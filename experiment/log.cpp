@@ -118,14 +118,14 @@ std::map<std::string, std::vector<double>> read_progress(const std::filesystem::
             continue;
         }
         if (cells.size() != names.size())
-            throw std::runtime_error(fmt::format("{}: '{}' has {} cells where the header has {}",
+            throw std::runtime_error(fmt::format("{}: '{:.100}' has {} cells where the header has {}",
                                                  path.string(), line, cells.size(), names.size()));
         for (std::size_t i = 0; i < cells.size(); ++i) {
             char* end = nullptr;
             const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), &end);
             if (end != nullptr && *end != '\0')
-                throw std::runtime_error(
-                    fmt::format("{}: {} is '{}', which is no number", path.string(), names[i], cells[i]));
+                throw std::runtime_error(fmt::format("{}: {:.100} is '{:.100}', which is no number",
+                                                     path.string(), names[i], cells[i]));
             columns[names[i]].push_back(value);
         }
     }

@@ -18,8 +18,8 @@ namespace {
 
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
-    return std::runtime_error(
-        fmt::format("{} is damaged: line {} is '{}'", path.string(), line, fmt::join(cells, ",")));
+    const auto text = fmt::format("{}", fmt::join(cells, ","));
+    return std::runtime_error(fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, text));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "report/learning_curve.h"
 
@@ -204,6 +205,21 @@ TEST_F(Log, ProgressRefusesAFileWithFewerRows) {
 TEST_F(Log, ProgressRefusesNamesThatAreNoColumns) {
     ProgressLog log(folder_ / "progress.csv");
     EXPECT_THROW(log.write({.scalars = {{"a,b", 1}}}), std::invalid_argument);
+}
+
+TEST_F(Log, ADamagedTableIsToldInASentenceHoweverLongItsLines) {
+    const std::string part(100, '9'), all(20'000, '9'), file = (folder_ / "table.csv").string();
+    const auto read = [&](const std::string& table) {
+        std::ofstream(folder_ / "table.csv") << table;
+        return std::pair(error_of([&] { read_progress(folder_ / "table.csv"); }),
+                         error_of([&] { read_episodes(folder_ / "table.csv"); }));
+    };
+    EXPECT_EQ(read("r,global_step\n" + all + "\n"),
+              std::pair(file + ": '" + part + "' has 1 cells where the header has 2",
+                        file + " is damaged: line 2 is '" + part + "'"));
+    EXPECT_EQ(read("r,global_step\n" + all + "x,1\n"),
+              std::pair(file + ": r is '" + part + "', which is no number",
+                        file + " is damaged: line 2 is '" + part + "'"));
 }
 
 }  // namespace
