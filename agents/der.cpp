@@ -1,20 +1,16 @@
 #include "agents/der.h"
 
+#include <map>
+#include <optional>
+#include <string>
+
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "agents/captured_update.h"
-#include "agents/random.h"
-#include "agents/state.h"
 #include "networks/shapes.h"
 
 namespace cale {
-
-// Constants ---------------------------------------------------------------------------
-
 namespace {
-
-enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdateNoise, kEvaluation };
 
 constexpr double kTiny = 1e-10;  // keeps priorities and probabilities off zero
 
@@ -49,8 +45,8 @@ torch::Tensor action_values(const torch::Tensor& output, const torch::Tensor& su
     return support.defined() ? (output.softmax(2) * support).sum(2) : output.squeeze(2);
 }
 
-/// The rows [B, atoms] of the actions [B] in [B, A, atoms].
-torch::Tensor rows_of(const torch::Tensor& output, const torch::Tensor& actions) {
+/// The outputs [B, atoms] of the actions [B] in [B, A, atoms].
+torch::Tensor gather_actions(const torch::Tensor& output, const torch::Tensor& actions) {
     return output.gather(1, actions.view({-1, 1, 1}).expand({-1, 1, output.size(2)})).squeeze(1);
 }
 
@@ -59,10 +55,7 @@ torch::Tensor rows_of(const torch::Tensor& output, const torch::Tensor& actions)
 DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
                      const torch::Tensor& loss_weights, const DerNoise& noise, const DerConfig& config) {
     const auto size = batch.observation.size(0);
-    require_shape("der_losses", "the action", batch.action, {size});
-    require_shape("der_losses", "the n-step return", batch.n_step_return, {size});
-    require_shape("der_losses", "the discount", batch.discount, {size});
-    require_shape("der_losses", "the next observation", batch.next_observation, batch.observation.sizes());
+    require_batch_shapes("der_losses", batch, {size});
     require_shape("der_losses", "the loss weights", loss_weights, {size});
 
     const auto output = network(batch.observation, &noise.online);  // [B, A, atoms]
@@ -70,20 +63,20 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
     const auto support = config.distributional
                              ? atom_support(config.num_atoms, config.value_limit, output.options())
                              : torch::Tensor();
-    const auto predicted = rows_of(output, batch.action);  // [B, atoms]
+    const auto predicted = gather_actions(output, batch.action);  // [B, atoms]
 
     torch::Tensor expected;  // [B, atoms], or [B, 1] if not distributional
     {
         const torch::NoGradGuard no_grad;
         const auto next = target(batch.next_observation, &noise.target);
-        // Double Q-learning: one network chooses, the other values.
+        // Double Q-learning: one network chooses, the other evaluates.
         const auto choosing = config.double_dqn ? network(batch.next_observation, &noise.target) : next;
-        const auto valued = rows_of(next, action_values(choosing, support).argmax(1));
+        const auto evaluated = gather_actions(next, action_values(choosing, support).argmax(1));
         const auto n_step_return = config.replay.reward_scale * batch.n_step_return.to(type).unsqueeze(1);
         const auto discount = batch.discount.to(type).unsqueeze(1);
-        expected = config.distributional
-                       ? project_distribution(n_step_return + discount * support, valued.softmax(1), support)
-                       : n_step_return + discount * valued;
+        expected = config.distributional ? project_distribution(n_step_return + discount * support,
+                                                                evaluated.softmax(1), support)
+                                         : n_step_return + discount * evaluated;
     }
     const auto per_transition = config.distributional ? -(expected * predicted.log_softmax(1)).sum(1)
                                                       : (predicted - expected).square().squeeze(1);
@@ -95,11 +88,10 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
             .target = config.distributional ? expected : expected.squeeze(1)};
 }
 
-DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
+DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config) {
-    auto losses = der_losses(learner.network, learner.target, batch, loss_weights, noise, config);
-    learner.step(losses.loss);
-    losses.loss = losses.loss.detach();
+    auto losses = der_losses(state.network, state.target, batch, loss_weights, noise, config);
+    state.step(losses.loss);
     return losses;
 }
 
@@ -107,120 +99,61 @@ DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor&
 
 namespace {
 
-QLearner make_learner(const DerConfig& config, const AgentSpec& spec) {
-    return make_q_learner({.encoder = config.encoder, .padding = config.padding},
-                          {.num_actions = spec.num_actions,
-                           .hidden_units = config.hidden_units,
-                           .num_atoms = config.distributional ? config.num_atoms : 1,
-                           .dueling = config.dueling,
-                           .noisy = config.noisy,
-                           .initial_sigma = config.noisy_sigma},
-                          {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
-                          stream_seed(spec.seed, kInitialValues));
-}
+struct Der : QState {
+    using Config = DerConfig;
+    using Losses = DerLosses;
+    static constexpr bool kDrawsInUpdates = true;
 
-class Der final : public Agent {
-  public:
-    Der(const DerConfig& config, const AgentSpec& spec)
-        : config_(config),
-          spec_(spec),
-          learner_(make_learner(config, spec)),
-          memory_(config.replay, spec, config.prioritised, stream_seed(spec.seed, kReplay)),
-          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          noise_random_(make_generator(stream_seed(spec.seed, kUpdateNoise), spec.device)),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
-          gradient_step_(spec.device, {noise_random_}) {
+    Der(const DerConfig& settings, const AgentSpec& spec)
+        : QState(settings, spec,
+                 {.num_atoms = settings.distributional ? settings.num_atoms : 1,
+                  .noisy = settings.noisy,
+                  .initial_sigma = settings.noisy_sigma}),
+          config(settings),
+          num_actions(spec.num_actions),
+          device(spec.device) {
         if (config.distributional)
-            support_ = atom_support(config.num_atoms, config.value_limit, torch::kFloat32).to(spec.device);
+            support = atom_support(config.num_atoms, config.value_limit, torch::kFloat32).to(device);
     }
 
-    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-        const torch::NoGradGuard no_grad;
-        const bool training = mode == ActMode::train;
-        auto& random = training ? acting_random_ : evaluation_random_;
-        const auto noise = training ? draw(acting_random_) : QNoise{};  // evaluation is free of noise
-        const auto output = learner_.network(observations.to(spec_.device), training ? &noise : nullptr);
-        const auto greedy = action_values(output, support_).argmax(1).cpu();
-        return epsilon_greedy(greedy, training ? epsilon() : config_.epsilon.epsilon_eval, spec_.num_actions,
-                              random);
+    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
+        const auto noise = now.training() ? draw(now.random) : QNoise{};  // evaluation is free of noise
+        const auto output = network(observations, now.training() ? &noise : nullptr);
+        const auto greedy = action_values(output, support).argmax(1).cpu();
+        return epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
     }
 
-    void observe(const Experiences& seen) override { memory_.store(seen); }
-
-    bool update(const torch::Tensor&) override {
-        const auto decisions = memory_.next_decisions();
-        if (!memory_.warm()) return false;
-        const auto updates = decisions.multiples_of(config_.replay.update_period);
-        for (std::int64_t i = 0; i < updates; ++i) learn();
-        if (decisions.multiples_of(config_.target_update_period) > 0) learner_.copy_to_target();
-        return updates > 0;
+    DerLosses learn(const Batch& batch, const at::Generator& random) {
+        const auto weights = config.prioritised
+                                 ? importance_weights(batch.probability, config.importance_exponent)
+                                 : torch::ones_like(batch.discount);
+        const auto online = draw(random);  // the order of the draws is part of a run
+        return der_update(*this, batch, weights, {online, draw(random)}, config);
     }
 
-    TimeSplit memory_time() const override { return memory_.time(); }
-
-    std::map<std::string, double> metrics() override {
-        std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()},
-                                             {"charts/epsilon", epsilon()}};
-        if (!newest_.loss.defined()) return values;
-        values[config_.distributional ? "losses/cross_entropy" : "losses/td_loss"] =
-            newest_.per_transition.mean().item<double>();
-        values["losses/q_values"] = newest_.q.mean().item<double>();
-        return values;
-    }
-
-    TensorMap state() override { return saved(parts()); }
-    void load_state(const TensorMap& state) override {
-        restore(parts(), state);
-        newest_ = {};
-        gradient_step_.forget();
-    }
-    ReplayBuffer* replay() override { return &memory_.replay(); }
-
-  private:
+    bool prioritised() const { return config.prioritised; }
     /// Noisy weights explore by themselves, from the first step on.
-    double epsilon() const { return config_.noisy ? 0 : memory_.epsilon(config_.epsilon); }
+    std::optional<double> epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
 
-    QNoise draw(const at::Generator& random) {
-        return to(learner_.network->head->draw_noise(random), spec_.device);
+    std::map<std::string, double> metrics(const DerLosses& losses) const {
+        return {{config.distributional ? "losses/cross_entropy" : "losses/td_loss",
+                 losses.per_transition.mean().item<double>()},
+                {"losses/q_values", losses.q.mean().item<double>()}};
     }
 
-    void learn() {
-        const auto batch = memory_.sample();
-        gradient_step_([&] {
-            const auto weights = config_.prioritised
-                                     ? importance_weights(batch.probability, config_.importance_exponent)
-                                     : torch::ones_like(batch.discount);
-            const auto online = draw(noise_random_);  // the order of the draws is part of a run
-            newest_ = der_update(learner_, batch, weights, {online, draw(noise_random_)}, config_);
-        });
-        if (config_.prioritised) memory_.set_priorities(batch, newest_.priorities);
-    }
+    QNoise draw(const at::Generator& random) { return to(network->head->draw_noise(random), device); }
 
-    StateParts parts() {
-        StateParts parts;
-        learner_.add_state(parts);
-        parts.generators["random/acting"] = &acting_random_;
-        parts.generators["random/update_noise"] = &noise_random_;
-        parts.generators["random/evaluation"] = &evaluation_random_;
-        memory_.add_state(parts);
-        return parts;
-    }
-
-    DerConfig config_;
-    AgentSpec spec_;
-    QLearner learner_;
-    ReplayMemory memory_;
-    torch::Tensor support_;  // [atoms], if distributional
-    at::Generator acting_random_, noise_random_, evaluation_random_;
-    CapturedUpdate gradient_step_;
-    DerLosses newest_;
+    DerConfig config;
+    std::int64_t num_actions;
+    torch::Device device;
+    torch::Tensor support;  // [atoms], if distributional
 };
 
 }  // namespace
 
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
     require_discrete("DER", spec);
-    return std::make_unique<Der>(config, spec);
+    return off_policy<Der>(config, spec);
 }
 
 }  // namespace cale

@@ -12,50 +12,41 @@
 #include <torch/types.h>
 
 #include "agents/agent.h"
-#include "agents/exploration.h"
-#include "agents/q_learner.h"
-#include "agents/replay_memory.h"
+#include "agents/q_state.h"
 #include "cale/fields.h"
 #include "networks/q_network.h"
 
 namespace cale {
 
 /// The defaults are Dopamine's for 100,000 agent steps.
-struct DerConfig {
+struct DerConfig : QSettings {
     static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
 
-    EncoderKind encoder = EncoderKind::phi_dqn;
-    Padding padding = Padding::same;
-    std::int64_t hidden_units = 512;
+    DerConfig() {
+        dueling = double_dqn = true;
+        replay = {.update_horizon = 10, .min_replay = 1'600, .update_period = 1, .reward_clip = 1};
+        target_update_period = 2'000;
+        epsilon.epsilon_decay_period = 2'000;
+        learning_rate = 1e-4;
+    }
+
     bool distributional = true;
     std::int64_t num_atoms = 51;
     double value_limit = 10;
-    bool dueling = true;
-    bool double_dqn = true;
     bool noisy = true;
     double noisy_sigma = 0.1;
     bool prioritised = true;
     double priority_exponent = 0.5;
     double importance_exponent = 0.5;
-    ReplaySettings replay{.update_horizon = 10, .min_replay = 1'600, .update_period = 1, .reward_clip = 1};
-    std::int64_t target_update_period = 2'000;
-    EpsilonSettings epsilon{.epsilon_decay_period = 2'000};
-    double learning_rate = 1e-4;
-    double adam_epsilon = 1.5e-4;
 };
 
 template <class Visit>
 void fields(DerConfig& config, Visit&& visit) {
-    visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
-    visit("padding", config.padding,
-          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
-    visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of the hidden layer");
+    fields(static_cast<QSettings&>(config), visit);
     visit("distributional", config.distributional,
           "learn the return's distribution (C51); off: its mean, by squared error");
     visit("num_atoms", config.num_atoms, Range{2, 10'000}, "returns that a distribution is made of");
     visit("value_limit", config.value_limit, Range{1e-6, 1e9}, "atoms lie between plus and minus this");
-    visit("dueling", config.dueling, "a state's value and the actions' advantages apart");
-    visit("double_dqn", config.double_dqn, "the online network chooses the action that the target values");
     visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
     visit("noisy_sigma", config.noisy_sigma, Range{0, 10}, "initial noise of a weight, times sqrt(inputs)");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
@@ -63,12 +54,6 @@ void fields(DerConfig& config, Visit&& visit) {
           "alpha of the priorities: loss to this power");
     visit("importance_exponent", config.importance_exponent, Range{0, 10},
           "beta of the importance weights: probability to minus this power, over the batch's largest");
-    fields(config.replay, visit);
-    visit("target_update_period", config.target_update_period, Range{1, 1e9},
-          "agent steps between copies of the network to the target");
-    fields(config.epsilon, visit);
-    visit("learning_rate", config.learning_rate, Range{0, 1}, "Adam's learning rate");
-    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
 }
 
 /// The returns that `num_atoms` atoms stand for: evenly from -limit to limit, [atoms].
@@ -102,7 +87,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
                      const torch::Tensor& loss_weights, const DerNoise& noise, const DerConfig& config);
 
 /// One gradient step. Returns the losses before it, without their graph.
-DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor& loss_weights,
+DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config);
 
 /// Tags: losses/{cross_entropy or td_loss, q_values}, charts/{learning_rate, epsilon}.

@@ -1,25 +1,14 @@
 #include "agents/dqn.h"
 
 #include <array>
-#include <stdexcept>
+#include <map>
+#include <optional>
+#include <string>
 
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "agents/captured_update.h"
-#include "agents/random.h"
-#include "agents/state.h"
-#include "networks/shapes.h"
-
 namespace cale {
-
-// Constants ---------------------------------------------------------------------------
-
-namespace {
-
-enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kEvaluation };
-
-}  // namespace
 
 std::span<const std::string_view> names_of(ValueLoss) {
     static constexpr std::array<std::string_view, 2> names{"mse", "huber"};
@@ -29,11 +18,7 @@ std::span<const std::string_view> names_of(ValueLoss) {
 // Loss --------------------------------------------------------------------------------
 
 DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, const DqnConfig& config) {
-    const auto size = batch.observation.size(0);
-    require_shape("dqn_losses", "the action", batch.action, {size});
-    require_shape("dqn_losses", "the n-step return", batch.n_step_return, {size});
-    require_shape("dqn_losses", "the discount", batch.discount, {size});
-    require_shape("dqn_losses", "the next observation", batch.next_observation, batch.observation.sizes());
+    require_batch_shapes("dqn_losses", batch, {batch.observation.size(0)});
 
     const auto all_values = network(batch.observation).squeeze(2);
     const auto q = values_of(all_values, batch.action);
@@ -50,10 +35,9 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
     return {loss, q.detach(), y};
 }
 
-DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& config) {
-    auto losses = dqn_losses(learner.network, learner.target, batch, config);
-    learner.step(losses.loss);
-    losses.loss = losses.loss.detach();
+DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config) {
+    auto losses = dqn_losses(state.network, state.target, batch, config);
+    state.step(losses.loss);
     return losses;
 }
 
@@ -61,93 +45,38 @@ DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& con
 
 namespace {
 
-QLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
-    return make_q_learner(
-        {.encoder = config.encoder, .padding = config.padding},
-        {.num_actions = spec.num_actions, .hidden_units = config.hidden_units, .dueling = config.dueling},
-        {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
-        stream_seed(spec.seed, kInitialValues));
-}
+struct Dqn : QState {
+    using Config = DqnConfig;
+    using Losses = DqnLosses;
+    static constexpr bool kDrawsInUpdates = false;
 
-class Dqn final : public Agent {
-  public:
-    Dqn(const DqnConfig& config, const AgentSpec& spec)
-        : config_(config),
-          spec_(spec),
-          learner_(make_learner(config, spec)),
-          memory_(config.replay, spec, /*prioritised=*/false, stream_seed(spec.seed, kReplay)),
-          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
-          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
-          gradient_step_(spec.device, {}) {}
+    Dqn(const DqnConfig& settings, const AgentSpec& spec)
+        : QState(settings, spec, QHeadConfig{}), config(settings), num_actions(spec.num_actions) {}
 
-    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-        const torch::NoGradGuard no_grad;
-        const bool training = mode == ActMode::train;
-        const auto epsilon = training ? memory_.epsilon(config_.epsilon) : config_.epsilon.epsilon_eval;
-        auto& random = training ? acting_random_ : evaluation_random_;
-        const auto greedy = epsilon >= 1
-                                ? torch::zeros({observations.size(0)}, torch::kInt64)
-                                : learner_.network(observations.to(spec_.device)).squeeze(2).argmax(1);
-        return epsilon_greedy(greedy.cpu(), epsilon, spec_.num_actions, random);
+    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
+        const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)
+                                             : network(observations).squeeze(2).argmax(1);
+        return epsilon_greedy(greedy.cpu(), now.epsilon, num_actions, now.random);
     }
 
-    void observe(const Experiences& seen) override { memory_.store(seen); }
+    DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }
 
-    bool update(const torch::Tensor&) override {
-        const auto decisions = memory_.next_decisions();
-        if (!memory_.warm()) return false;
-        const auto updates = decisions.multiples_of(config_.replay.update_period);
-        for (std::int64_t i = 0; i < updates; ++i) {
-            const auto batch = memory_.sample();
-            gradient_step_([&] { newest_ = dqn_update(learner_, batch, config_); });
-        }
-        if (decisions.multiples_of(config_.target_update_period) > 0) learner_.copy_to_target();
-        return updates > 0;
+    std::optional<double> epsilon(double scheduled) const { return scheduled; }
+
+    std::map<std::string, double> metrics(const DqnLosses& losses) const {
+        return {{"losses/td_loss", losses.loss.item<double>()},
+                {"losses/q_values", losses.q.mean().item<double>()}};
     }
 
-    TimeSplit memory_time() const override { return memory_.time(); }
-
-    std::map<std::string, double> metrics() override {
-        std::map<std::string, double> values{{"charts/learning_rate", learner_.adam.learning_rate()},
-                                             {"charts/epsilon", memory_.epsilon(config_.epsilon)}};
-        if (!newest_.loss.defined()) return values;
-        values["losses/td_loss"] = newest_.loss.item<double>();
-        values["losses/q_values"] = newest_.q.mean().item<double>();
-        return values;
-    }
-
-    TensorMap state() override { return saved(parts()); }
-    void load_state(const TensorMap& state) override {
-        restore(parts(), state);
-        newest_ = {};
-        gradient_step_.forget();
-    }
-    ReplayBuffer* replay() override { return &memory_.replay(); }
-
-  private:
-    StateParts parts() {
-        StateParts parts;
-        learner_.add_state(parts);
-        parts.generators["random/acting"] = &acting_random_;
-        parts.generators["random/evaluation"] = &evaluation_random_;
-        memory_.add_state(parts);
-        return parts;
-    }
-
-    DqnConfig config_;
-    AgentSpec spec_;
-    QLearner learner_;
-    ReplayMemory memory_;
-    at::Generator acting_random_, evaluation_random_;
-    CapturedUpdate gradient_step_;
-    DqnLosses newest_;
+    DqnConfig config;
+    std::int64_t num_actions;
 };
 
 }  // namespace
 
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
     require_discrete("DQN", spec);
-    return std::make_unique<Dqn>(config, spec);
+    return off_policy<Dqn>(config, spec);
 }
 
 }  // namespace cale

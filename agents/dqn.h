@@ -4,20 +4,15 @@
 //   Wang et al. 2016, "Dueling Network Architectures" (option dueling)
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include <torch/types.h>
 
 #include "agents/agent.h"
-#include "agents/exploration.h"
-#include "agents/q_learner.h"
-#include "agents/replay_memory.h"
+#include "agents/q_state.h"
 #include "cale/fields.h"
-#include "networks/heads.h"
 #include "networks/q_network.h"
 
 namespace cale {
@@ -27,37 +22,16 @@ enum class ValueLoss { mse, huber };
 std::span<const std::string_view> names_of(ValueLoss);
 
 /// The defaults are Dopamine's for 200 million frames.
-struct DqnConfig {
+struct DqnConfig : QSettings {
     static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
 
-    EncoderKind encoder = EncoderKind::phi_dqn;
-    Padding padding = Padding::same;
-    std::int64_t hidden_units = 512;
-    bool dueling = false;
-    bool double_dqn = false;
     ValueLoss loss = ValueLoss::mse;
-    ReplaySettings replay{.reward_clip = 1};
-    std::int64_t target_update_period = 8'000;
-    EpsilonSettings epsilon;
-    double learning_rate = 6.25e-5;
-    double adam_epsilon = 1.5e-4;
 };
 
 template <class Visit>
 void fields(DqnConfig& config, Visit&& visit) {
-    visit("encoder", config.encoder, "how frames become features: phi_sac, phi_dqn or impala");
-    visit("padding", config.padding,
-          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
-    visit("hidden_units", config.hidden_units, Range{1, 65'536}, "units of the hidden layer");
-    visit("dueling", config.dueling, "a state's value and the actions' advantages apart");
-    visit("double_dqn", config.double_dqn, "the online network chooses the action that the target values");
+    fields(static_cast<QSettings&>(config), visit);
     visit("loss", config.loss, "mse: squared error; huber: linear beyond an error of 1");
-    fields(config.replay, visit);
-    visit("target_update_period", config.target_update_period, Range{1, 1e9},
-          "agent steps between copies of the network to the target");
-    fields(config.epsilon, visit);
-    visit("learning_rate", config.learning_rate, Range{0, 1}, "Adam's learning rate");
-    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
 }
 
 /// `loss` carries a gradient; the rest is for the log.
@@ -72,7 +46,7 @@ struct DqnLosses {
 DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, const DqnConfig& config);
 
 /// One gradient step. Returns the losses before it, without their graph.
-DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& config);
+DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config);
 
 /// Tags: losses/{td_loss, q_values}, charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....

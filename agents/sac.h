@@ -13,11 +13,8 @@
 
 #include <torch/types.h>
 
+#include "agents/actor_critic_state.h"
 #include "agents/agent.h"
-#include "agents/exploration.h"
-#include "agents/network_settings.h"
-#include "agents/replay_memory.h"
-#include "agents/soft_learner.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
 
@@ -28,33 +25,16 @@ enum class CriticTarget { target_mean_action, sampled_action };
 std::span<const std::string_view> names_of(CriticTarget);
 
 /// The defaults are CALE's for 200 million frames.
-struct SacConfig {
+struct SacConfig : ActorCriticSettings {
     static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
 
-    NetworkSettings network;
-    ReplaySettings replay{.reward_scale = 0.1};
-    Exploration exploration = Exploration::standard;
-    EpsilonSettings epsilon;
-    double learning_rate = 6.25e-5;
-    double adam_epsilon = 1.5e-4;
-    double tau = 0.005;
     double target_entropy = -1.5;
     CriticTarget critic_target = CriticTarget::target_mean_action;
 };
 
 template <class Visit>
 void fields(SacConfig& config, Visit&& visit) {
-    fields(config.network, visit);
-    fields(config.replay, visit);
-    visit("exploration", config.exploration,
-          "standard: the policy's own noise, uniform until the first update; epsilon_greedy: uniform with "
-          "probability epsilon");
-    fields(config.epsilon, visit);
-    visit("learning_rate", config.learning_rate, Range{0, 1},
-          "Adam's learning rate, for the networks and for alpha");
-    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
-    visit("tau", config.tau, Range{0, 1},
-          "part of the online network that the target takes on at every update");
+    fields(static_cast<ActorCriticSettings&>(config), visit);
     visit("target_entropy", config.target_entropy, Range{-1000, 1000},
           "entropy of the policy that alpha is adjusted for");
     visit("critic_target", config.critic_target,
@@ -75,7 +55,7 @@ struct SacLosses {
     torch::Tensor alpha;          // [] J_alpha
     torch::Tensor q1, q2;         // [B] values of the stored actions
     torch::Tensor target_values;  // [B] y
-    torch::Tensor log_prob;       // [B] of the actor's own sample
+    torch::Tensor entropy;        // [B] -log pi of the actor's own sample
     torch::Tensor mean_action;    // [B, 3] of the actor
 };
 
@@ -84,21 +64,16 @@ struct SacLosses {
 SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torch::Tensor& log_alpha,
                      const Batch& batch, const SacNoise& noise, const SacConfig& config);
 
-/// What SAC updates.
-using SacLearner = SoftLearner<SacNetwork>;
-
 /// One gradient step on every loss, then the target follows. Returns the losses before the
 /// step, without their graphs; the gradients stay in the parameters until the next call.
-SacLosses sac_update(SacLearner& learner, const Batch& batch, const SacNoise& noise, const SacConfig& config);
+SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, const SacNoise& noise,
+                     const SacConfig& config);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
 /// charts/{learning_rate, epsilon, mean_radius, mean_theta, mean_fire}.
 /// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....
-/// With N environments an update() stands for N decisions, and each of them whose number is a multiple of
-/// update_period is one gradient step: 1 / update_period per agent step, as with N = 1.
-/// Throws std::invalid_argument for settings that no network can be built from, and for a
-/// world with discrete actions.
+/// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

@@ -5,18 +5,14 @@
 // never published: the encoder is shared and trained by the critics only, as in CALE's SAC.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
 
 #include <torch/types.h>
 
+#include "agents/actor_critic_state.h"
 #include "agents/agent.h"
-#include "agents/exploration.h"
-#include "agents/network_settings.h"
-#include "agents/replay_memory.h"
-#include "agents/soft_learner.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
 
@@ -27,33 +23,22 @@ enum class NextPolicy { online, target };
 std::span<const std::string_view> names_of(NextPolicy);
 
 /// The defaults are those of CALE's table of hyper-parameters.
-struct SacdConfig {
+struct SacdConfig : ActorCriticSettings {
     static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
 
-    NetworkSettings network;
-    ReplaySettings replay{.batch_size = 64, .reward_scale = 0.1};
-    Exploration exploration = Exploration::epsilon_greedy;
-    EpsilonSettings epsilon;
-    double learning_rate = 3e-4;
-    double adam_epsilon = 1.5e-4;
-    double tau = 0.005;
+    SacdConfig() {
+        replay.batch_size = 64;
+        exploration = Exploration::epsilon_greedy;
+        learning_rate = 3e-4;
+    }
+
     double target_entropy_scale = 0.98;
     NextPolicy next_policy = NextPolicy::online;
 };
 
 template <class Visit>
 void fields(SacdConfig& config, Visit&& visit) {
-    fields(config.network, visit);
-    fields(config.replay, visit);
-    visit("exploration", config.exploration,
-          "standard: actions are sampled from the policy, uniformly until the first update; epsilon_greedy: "
-          "uniform with probability epsilon");
-    fields(config.epsilon, visit);
-    visit("learning_rate", config.learning_rate, Range{0, 1},
-          "Adam's learning rate, for the networks and for alpha");
-    visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
-    visit("tau", config.tau, Range{0, 1},
-          "part of the online network that the target takes on at every update");
+    fields(static_cast<ActorCriticSettings&>(config), visit);
     visit("target_entropy_scale", config.target_entropy_scale, Range{0, 1},
           "entropy that alpha is adjusted for, as a part of the uniform policy's log |A|");
     visit("next_policy", config.next_policy,
@@ -75,12 +60,9 @@ struct SacdLosses {
 SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
                        const Batch& batch, double target_entropy, const SacdConfig& config);
 
-/// What SAC-D updates.
-using SacdLearner = SoftLearner<SacdNetwork>;
-
 /// One gradient step on every loss, then the target follows. Returns the losses before the
 /// step, without their graphs.
-SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, double target_entropy,
+SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch, double target_entropy,
                        const SacdConfig& config);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},

@@ -41,7 +41,7 @@ Update sac(EncoderKind encoder) {
         return SacNetwork(config.network.encoder_for({}), config.network.head(), make_generator(1));
     };
     const auto learner =
-        std::make_shared<SacLearner>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
+        std::make_shared<ActorCriticState<SacNetwork>>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
     const auto size = config.replay.batch_size;
     return [=, batch = make_batch(size, true),
             noise = SacNoise{torch::randn({size, 3}), torch::randn({size, 3})}] {
@@ -57,14 +57,14 @@ Update sacd(EncoderKind encoder) {
                            make_generator(1));
     };
     const auto learner =
-        std::make_shared<SacdLearner>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
+        std::make_shared<ActorCriticState<SacdNetwork>>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
     return
         [=, batch = make_batch(config.replay.batch_size, false)] { sacd_update(*learner, batch, 2, config); };
 }
 
 /// `nature`: convolutions without padding, as Mnih et al. and the PyTorch peers have them; 58 % of the
 /// multiplications.
-QLearner q_learner(const QHeadConfig& head, bool nature) {
+QState q_learner(const QHeadConfig& head, bool nature) {
     const auto network = [&] {
         return QNetwork(EncoderConfig{.encoder = EncoderKind::phi_dqn,
                                       .padding = nature ? Padding::valid : Padding::same},
@@ -75,13 +75,13 @@ QLearner q_learner(const QHeadConfig& head, bool nature) {
 
 Update dqn(bool nature) {
     const DqnConfig config;
-    const auto learner = std::make_shared<QLearner>(q_learner({.num_actions = kActions}, nature));
+    const auto learner = std::make_shared<QState>(q_learner({.num_actions = kActions}, nature));
     return [=, batch = make_batch(config.replay.batch_size, false)] { dqn_update(*learner, batch, config); };
 }
 
 Update der(bool nature) {
     const DerConfig config;
-    const auto learner = std::make_shared<QLearner>(q_learner(
+    const auto learner = std::make_shared<QState>(q_learner(
         {.num_actions = kActions, .num_atoms = config.num_atoms, .dueling = true, .noisy = true}, nature));
     auto random = make_generator(1);
     const auto& head = learner->network->head;

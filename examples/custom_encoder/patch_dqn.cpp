@@ -1,10 +1,9 @@
 #include "patch_dqn.h"
 
 #include <map>
+#include <optional>
 #include <string>
 
-#include <agents/random.h>
-#include <agents/state.h>
 #include <networks/adam.h>
 #include <networks/heads.h>
 
@@ -13,11 +12,8 @@
 namespace example {
 namespace {
 
-// Each consumer of randomness has a stream of its own, so that none depends on the others.
-enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kEvaluation };
-
 PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
-    const auto generator = cale::make_generator(cale::stream_seed(spec.seed, kInitialValues));
+    const auto generator = cale::initial_values(spec);
     PatchEncoder encoder(spec.stack, spec.frame_height, spec.frame_width, config.channels, generator);
     PatchNetwork network(
         encoder, cale::QHeadConfig{.num_actions = spec.num_actions, .hidden_units = config.hidden_units},
@@ -26,89 +22,65 @@ PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& s
     return network;
 }
 
-class PatchDqn final : public cale::Agent {
-  public:
-    PatchDqn(const PatchDqnConfig& config, const cale::AgentSpec& spec)
-        : config_(config),
-          spec_(spec),
-          network_(make_network(config, spec)),
-          target_(make_network(config, spec)),  // the same seed makes the same network
-          adam_(network_->parameters(), {.learning_rate = config.learning_rate}),
-          memory_(config.replay, spec, /*prioritised=*/false, cale::stream_seed(spec.seed, kReplay)),
-          acting_random_(cale::make_generator(cale::stream_seed(spec.seed, kActing))),
-          evaluation_random_(cale::make_generator(cale::stream_seed(spec.seed, kEvaluation))) {}
+// The algorithm: how it acts, and one gradient step. Everything else is cale::OffPolicy's.
+struct PatchDqn {
+    using Config = PatchDqnConfig;
+    struct Losses {
+        torch::Tensor loss;  // []
+    };
+    static constexpr bool kDrawsInUpdates = false;
 
-    torch::Tensor act(const torch::Tensor& observations, cale::ActMode mode) override {
-        const at::NoGradGuard no_grad;
-        const bool training = mode == cale::ActMode::train;
-        const auto epsilon = training ? memory_.epsilon(config_.epsilon) : config_.epsilon.epsilon_eval;
-        const auto greedy = network_(observations.to(spec_.device)).argmax(1).cpu();
-        return cale::epsilon_greedy(greedy, epsilon, spec_.num_actions,
-                                    training ? acting_random_ : evaluation_random_);
+    PatchDqn(const PatchDqnConfig& settings, const cale::AgentSpec& spec)
+        : config(settings),
+          num_actions(spec.num_actions),
+          network(make_network(settings, spec)),
+          target(make_network(settings, spec)),  // equal to the network
+          adam(network->parameters(), {.learning_rate = settings.learning_rate}) {}
+
+    torch::Tensor act(const torch::Tensor& observations, const cale::Acting& now) {
+        const auto greedy = network(observations).argmax(1).cpu();
+        return cale::epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
     }
 
-    void observe(const cale::Experiences& seen) override { memory_.store(seen); }
-
-    bool update(const torch::Tensor&) override {
-        const auto decisions = memory_.next_decisions();
-        if (!memory_.warm()) return false;
-        const auto updates = decisions.multiples_of(config_.replay.update_period);
-        for (std::int64_t i = 0; i < updates; ++i) learn(memory_.sample());
-        if (decisions.multiples_of(config_.target_update_period) > 0)
-            cale::hard_update(target_->parameters(), network_->parameters());
-        return updates > 0;
-    }
-
-    std::map<std::string, double> metrics() override {
-        std::map<std::string, double> values{{"charts/epsilon", memory_.epsilon(config_.epsilon)}};
-        if (loss_.defined()) values["losses/td_loss"] = loss_.item<double>();
-        return values;
-    }
-
-    cale::TensorMap state() override { return cale::saved(parts()); }
-    void load_state(const cale::TensorMap& state) override { cale::restore(parts(), state); }
-    cale::ReplayBuffer* replay() override { return &memory_.replay(); }
-
-  private:
-    void learn(const cale::Batch& batch) {
-        torch::Tensor target;
+    Losses learn(const cale::Batch& batch, const at::Generator&) {
+        torch::Tensor y;
         {
             const at::NoGradGuard no_grad;
-            target = config_.replay.reward_scale * batch.n_step_return +
-                     batch.discount * target_(batch.next_observation).amax(1);
+            y = config.replay.reward_scale * batch.n_step_return +
+                batch.discount * target(batch.next_observation).amax(1);
         }
-        const auto loss = at::huber_loss(cale::values_of(network_(batch.observation), batch.action), target);
-        adam_.zero_grad();
+        const auto loss = at::huber_loss(cale::values_of(network(batch.observation), batch.action), y);
+        adam.zero_grad();
         loss.backward();
-        adam_.step();
-        loss_ = loss.detach();
+        adam.step();
+        return {loss.detach()};
     }
 
-    cale::StateParts parts() {
-        cale::StateParts parts;
-        parts.add("network/", *network_);
-        parts.add("target/", *target_);
-        parts.add("adam/", adam_.state());
-        parts.generators["random/acting"] = &acting_random_;
-        parts.generators["random/evaluation"] = &evaluation_random_;
-        memory_.add_state(parts);
-        return parts;
+    void copy_to_target() { cale::hard_update(target->parameters(), network->parameters()); }
+
+    std::optional<double> epsilon(double scheduled) const { return scheduled; }
+
+    std::map<std::string, double> metrics(const Losses& losses) const {
+        return {{"losses/td_loss", losses.loss.item<double>()}};
     }
 
-    PatchDqnConfig config_;
-    cale::AgentSpec spec_;
-    PatchNetwork network_, target_;
-    cale::Adam adam_;
-    cale::ReplayMemory memory_;
-    at::Generator acting_random_, evaluation_random_;
-    torch::Tensor loss_;
+    void add_state(cale::StateParts& parts) {
+        parts.add("network/", *network);
+        parts.add("target/", *target);
+        parts.add("adam/", adam.state());
+    }
+
+    PatchDqnConfig config;
+    std::int64_t num_actions;
+    PatchNetwork network, target;
+    cale::Adam adam;
 };
 
 }  // namespace
 
 std::unique_ptr<cale::Agent> make_patch_dqn(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
     cale::require_discrete("patch_dqn", spec);
-    return std::make_unique<PatchDqn>(config, spec);
+    return cale::off_policy<PatchDqn>(config, spec);
 }
 
 }  // namespace example

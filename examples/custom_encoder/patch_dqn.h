@@ -6,7 +6,7 @@
 
 #include <agents/agent.h>
 #include <agents/exploration.h>
-#include <agents/replay_memory.h>
+#include <agents/off_policy.h>
 #include <cale/fields.h>
 
 namespace example {

@@ -227,7 +227,7 @@ TEST(DerLosses, ShapesThatWouldBroadcastAreRefused) {
 TEST(DerUpdate, MovesTheNetworkTowardsTheTargetDistributionAndLeavesTheTargetAlone) {
     Problem p;
     p.config.learning_rate = 0.1;
-    QLearner learner(p.network, p.target, {.learning_rate = 0.1, .epsilon = p.config.adam_epsilon});
+    QState learner(p.network, p.target, {.learning_rate = 0.1, .epsilon = p.config.adam_epsilon});
     const auto before = copy_of(parameters_of(*p.target));
     const auto expected = p.losses();
     const auto first = der_update(learner, p.batch, p.loss_weights, {}, p.config);

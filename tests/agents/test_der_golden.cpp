@@ -110,7 +110,7 @@ TEST_P(DerGolden, Forward) {
 }
 
 TEST_P(DerGolden, ThreeUpdates) {
-    QLearner learner(c.network(c.name), c.network(c.name + "/target"),
+    QState learner(c.network(c.name), c.network(c.name + "/target"),
                      {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto weights = c.input("loss_weight");

@@ -101,7 +101,7 @@ TEST(DqnLosses, ShapesThatWouldBroadcastAreRefused) {
 TEST(DqnUpdate, MovesTheNetworkTowardsTheTargetValuesAndLeavesTheTargetAlone) {
     Problem p;
     p.config.learning_rate = 0.1;
-    QLearner learner(p.network, p.target, {.learning_rate = 0.1, .epsilon = p.config.adam_epsilon});
+    QState learner(p.network, p.target, {.learning_rate = 0.1, .epsilon = p.config.adam_epsilon});
     const auto before = copy_of(parameters_of(*p.target));
     const auto first = dqn_update(learner, p.batch, p.config);
     EXPECT_DOUBLE_EQ(first.loss.item<double>(), (1.0 + 9) / 2);  // from before the step

@@ -60,7 +60,7 @@ TEST_P(DqnGolden, Forward) {
 }
 
 TEST_P(DqnGolden, ThreeUpdates) {
-    QLearner learner(c.network(c.name), c.network(c.name + "/target"),
+    QState learner(c.network(c.name), c.network(c.name + "/target"),
                      {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto initial = golden::parameters(*learner.network);

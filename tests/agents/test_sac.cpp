@@ -92,7 +92,7 @@ TEST(SacLosses, NothingFollowsWhereTheDiscountIsZero) {
 
 TEST(SacUpdate, EachLossTrainsItsOwnParameters) {
     Problem p;
-    SacLearner learner(p.network, p.target, p.log_alpha, {});
+    ActorCriticState<SacNetwork> learner(p.network, p.target, p.log_alpha, {});
     // Without the critics' loss, the actor's gradient is what it is with it, and vice versa.
     auto losses = p.losses();
     const auto critic = torch::autograd::grad({0.5 * losses.critic}, learner.critic, {}, true);
@@ -107,10 +107,10 @@ TEST(SacUpdate, EachLossTrainsItsOwnParameters) {
 
 TEST(SacUpdate, TheLossesKeepNoGraph) {
     Problem p;
-    SacLearner learner(p.network, p.target, p.log_alpha, {});
+    ActorCriticState<SacNetwork> learner(p.network, p.target, p.log_alpha, {});
     const auto losses = sac_update(learner, p.batch, p.noise, p.config);
     for (const auto& loss :
-         {losses.critic, losses.actor, losses.alpha, losses.q1, losses.target_values, losses.log_prob})
+         {losses.critic, losses.actor, losses.alpha, losses.q1, losses.target_values, losses.entropy})
         EXPECT_FALSE(loss.requires_grad());
 }
 

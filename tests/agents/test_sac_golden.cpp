@@ -40,7 +40,7 @@ SacNetwork make_network(const Case& c, const std::string& weights_case) {
     return network;
 }
 
-SacLearner make_learner(const Case& c) {
+ActorCriticState<SacNetwork> make_learner(const Case& c) {
     auto log_alpha = torch::full({1}, c.hyper("log_alpha0"), c.dtype).requires_grad_();
     return {make_network(c, c.name),
             make_network(c, c.name + "/target"),

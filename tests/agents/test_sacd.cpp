@@ -120,7 +120,7 @@ TEST(SacdLosses, AlphaFallsWhereTheEntropyIsLargerThanItsTarget) {
 
 TEST(SacdUpdate, EachLossTrainsItsOwnParameters) {
     Problem p;
-    SacdLearner learner(make_network(1), make_network(2), p.log_alpha, {});
+    ActorCriticState<SacdNetwork> learner(make_network(1), make_network(2), p.log_alpha, {});
     const auto losses =
         sacd_losses(learner.network, learner.target, p.log_alpha, p.batch, p.target_entropy, p.config);
     const auto critic =

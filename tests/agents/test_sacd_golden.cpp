@@ -39,7 +39,7 @@ struct Case : golden::NetworkCase {
         return made;
     }
 
-    SacdLearner learner() const {
+    ActorCriticState<SacdNetwork> learner() const {
         return {network(name),
                 network(name + "/target"),
                 torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(),

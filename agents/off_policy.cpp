@@ -1,4 +1,4 @@
-#include "agents/replay_memory.h"
+#include "agents/off_policy.h"
 
 #include <algorithm>
 #include <array>
@@ -9,6 +9,7 @@
 
 #include <torch/types.h>
 
+#include "networks/shapes.h"
 #include "replay/rewards.h"
 
 namespace cale {
@@ -32,22 +33,20 @@ ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec
             .prioritised = prioritised};
 }
 
+/// The random streams of an agent. Their numbers are part of a run: another number is another seed. Where
+/// updates draw nothing, evaluation has their number.
+enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvaluation };
+
 }  // namespace
 
-std::int64_t Decisions::multiples_of(std::int64_t period) const {
-    const auto below = [period](std::int64_t number) { return (number + period - 1) / period; };
-    return below(end) - below(first);
-}
-
-ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
-                           std::uint64_t seed)
+AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised)
     : settings_(settings),
       spec_(spec),
-      replay_(replay_config(settings, spec, prioritised),
+      buffer_(replay_config(settings, spec, prioritised),
               settings.replay_on_device ? std::optional(spec.device) : std::nullopt),
-      sampled_(replay_.empty_batch(settings.batch_size)),
+      sampled_(buffer_.empty_batch(settings.batch_size)),
       copied_(spec.device.type()),
-      random_(seed) {
+      random_(stream_seed(spec.seed, kReplay)) {
     if (spec.device.is_cpu()) return;
     on_device_ = sampled_;  // `index` stays where it is
     for (const auto part : kDeviceParts) {
@@ -57,7 +56,7 @@ ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec
     }
 }
 
-void ReplayMemory::store(const Experiences& seen) {
+void AgentReplay::record(const Experiences& seen) {
     const Timed timed(time_.replay);
     const auto frame_size = static_cast<std::size_t>(spec_.frame_height * spec_.frame_width);
     const auto count = static_cast<std::size_t>(spec_.num_envs);
@@ -89,31 +88,30 @@ void ReplayMemory::store(const Experiences& seen) {
             experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
         }
         if (result.truncated) experience.final_frame = frame_of(seen.final_frames);
-        replay_.add(static_cast<std::int64_t>(env), experience);
+        buffer_.add(static_cast<std::int64_t>(env), experience);
     }
 }
 
-Decisions ReplayMemory::next_decisions() {
-    const auto first = decisions_;
-    decisions_ += spec_.num_envs;
-    return {first, decisions_};
+std::int64_t AgentReplay::due(std::int64_t period) const {
+    const auto multiples_below = [period](std::int64_t number) { return (number + period - 1) / period; };
+    return multiples_below(decisions_) - multiples_below(decisions_ - spec_.num_envs);
 }
 
-bool ReplayMemory::warm() const {
-    return replay_.add_count() > settings_.min_replay && replay_.size() > 0;
+bool AgentReplay::ready() const {
+    return buffer_.add_count() > settings_.min_replay && buffer_.size() > 0;
 }
 
-double ReplayMemory::epsilon(const EpsilonSettings& settings) const {
+double AgentReplay::epsilon(const EpsilonSettings& settings) const {
     return linearly_decaying_epsilon(settings.epsilon_decay_period, decisions_, settings_.min_replay,
                                      settings.epsilon_train);
 }
 
-Batch ReplayMemory::sample() {
+Batch AgentReplay::sample() {
     // The batch before this one may still be on its way. Behind it the device learns, meanwhile.
     if (copied_.was_marked_for_recording()) copied_.synchronize();
     {
         const Timed timed(time_.replay);
-        replay_.sample_into(sampled_, random_);
+        buffer_.sample_into(sampled_, random_);
     }
     if (spec_.device.is_cpu()) return sampled_;
     const Timed timed(time_.transfer);
@@ -124,15 +122,39 @@ Batch ReplayMemory::sample() {
     return on_device_;
 }
 
-void ReplayMemory::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
+void AgentReplay::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
     const auto on_host = priorities.to(torch::kCPU);  // waits for the device
     const Timed timed(time_.replay);
-    replay_.set_priorities(batch.index, on_host);
+    buffer_.set_priorities(batch.index, on_host);
 }
 
-void ReplayMemory::add_state(StateParts& parts) {
+void AgentReplay::add_state(StateParts& parts) {
     parts.engines["random/replay"] = &random_;
     parts.counters["training_steps"] = &decisions_;
+}
+
+void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArrayRef action) {
+    const auto size = batch.observation.size(0);
+    require_shape(who, "the action", batch.action, action);
+    require_shape(who, "the n-step return", batch.n_step_return, {size});
+    require_shape(who, "the discount", batch.discount, {size});
+    require_shape(who, "the next observation", batch.next_observation, batch.observation.sizes());
+}
+
+at::Generator initial_values(const AgentSpec& spec) {
+    return make_generator(stream_seed(spec.seed, kInitialValues));
+}
+
+RandomStreams::RandomStreams(const AgentSpec& spec, bool draws_in_updates)
+    : acting(make_generator(stream_seed(spec.seed, kActing))),
+      evaluation(make_generator(stream_seed(spec.seed, draws_in_updates ? kEvaluation : kUpdates))) {
+    if (draws_in_updates) updates = make_generator(stream_seed(spec.seed, kUpdates), spec.device);
+}
+
+void RandomStreams::add_state(StateParts& parts) {
+    parts.generators["random/acting"] = &acting;
+    parts.generators["random/evaluation"] = &evaluation;
+    if (updates.defined()) parts.generators["random/update_noise"] = &updates;
 }
 
 }  // namespace cale

@@ -1,0 +1,124 @@
+// What SAC and SAC-D have in common: their settings, and what a gradient step changes.
+#pragma once
+
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <torch/types.h>
+
+#include "agents/exploration.h"
+#include "agents/network_settings.h"
+#include "agents/off_policy.h"
+#include "agents/state.h"
+#include "cale/fields.h"
+#include "networks/actor_critic.h"
+#include "networks/adam.h"
+
+namespace cale {
+
+/// The defaults are CALE's for 200 million frames.
+struct ActorCriticSettings {
+    NetworkSettings network;
+    ReplaySettings replay{.reward_scale = 0.1};
+    Exploration exploration = Exploration::standard;
+    EpsilonSettings epsilon;
+    double learning_rate = 6.25e-5;
+    double adam_epsilon = 1.5e-4;
+    double tau = 0.005;
+};
+
+template <class Visit>
+void fields(ActorCriticSettings& settings, Visit&& visit) {
+    fields(settings.network, visit);
+    fields(settings.replay, visit);
+    visit("exploration", settings.exploration,
+          "standard: actions are sampled from the policy, uniformly until the first update; epsilon_greedy: "
+          "uniform with probability epsilon");
+    fields(settings.epsilon, visit);
+    visit("learning_rate", settings.learning_rate, Range{0, 1},
+          "Adam's learning rate, for the networks and for alpha");
+    visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("tau", settings.tau, Range{0, 1},
+          "part of the online network that the target takes on at every gradient step");
+}
+
+/// An actor-critic network, its target, the temperature, and their optimisers.
+/// `Network`: SacNetwork or SacdNetwork.
+template <class Network>
+struct ActorCriticState {
+    /// `log_alpha` [1] requires a gradient. The target starts as it is given.
+    ActorCriticState(Network network_, Network target_, torch::Tensor log_alpha_,
+                     const AdamConfig& adam_config)
+        : network(std::move(network_)),
+          target(std::move(target_)),
+          log_alpha(std::move(log_alpha_)),
+          parameters(network->parameters()),
+          target_parameters(target->parameters()),
+          actor(actor_parameters(*network)),
+          critic(critic_parameters(*network)),
+          adam(parameters, adam_config),
+          alpha_adam({log_alpha}, adam_config) {}
+
+    /// Two networks of `make_network`, which makes the same one twice, on the spec's device; an alpha of 1.
+    template <class MakeNetwork>
+    ActorCriticState(const ActorCriticSettings& settings, const AgentSpec& spec,
+                     const MakeNetwork& make_network)
+        : ActorCriticState(
+              on_device(make_network(), spec.device), on_device(make_network(), spec.device),
+              torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_(),
+              {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {}
+
+    /// One gradient step on `losses`, J_Q without the factor 1/2, J_pi and J_alpha, [] each; then the target
+    /// follows by `tau`. Afterwards the losses are without their graphs. The gradients stay in the parameters
+    /// until the next call.
+    template <class Losses>
+    void step(Losses& losses, double tau) {
+        adam.zero_grad();
+        alpha_adam.zero_grad();
+        // The lists say where each gradient ends: the actor's loss leaves the critics alone.
+        (0.5 * losses.critic).backward({}, /*keep_graph=*/false, /*create_graph=*/false, critic);
+        losses.actor.backward({}, /*keep_graph=*/false, /*create_graph=*/false, actor);
+        losses.alpha.backward({}, /*keep_graph=*/false, /*create_graph=*/false, {{log_alpha}});
+        adam.step();
+        alpha_adam.step();
+        soft_update(target_parameters, parameters, tau);
+        for (auto* loss : {&losses.critic, &losses.actor, &losses.alpha}) *loss = loss->detach();
+    }
+
+    /// Adds network/, target/, adam/, alpha_adam/ and log_alpha.
+    void add_state(StateParts& parts) {
+        parts.add("network/", *network);
+        parts.add("target/", *target);
+        parts.add("adam/", adam.state());
+        parts.add("alpha_adam/", alpha_adam.state());
+        parts.tensors["log_alpha"] = log_alpha.detach();
+    }
+
+    /// losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, entropy, alpha}.
+    template <class Losses>
+    std::map<std::string, double> metrics(const Losses& losses) const {
+        const auto mean = [](const torch::Tensor& x) { return x.mean().template item<double>(); };
+        return {
+            {"losses/qf_loss", mean(losses.critic)},   {"losses/qf1_values", mean(losses.q1)},
+            {"losses/qf2_values", mean(losses.q2)},    {"losses/target_values", mean(losses.target_values)},
+            {"losses/actor_loss", mean(losses.actor)}, {"losses/alpha_loss", mean(losses.alpha)},
+            {"losses/entropy", mean(losses.entropy)},  {"losses/alpha", std::exp(mean(log_alpha.detach()))}};
+    }
+
+    Network network, target;  // the one that acts, and the one that values what follows
+    torch::Tensor log_alpha;  // [1] of the temperature
+    std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
+    std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them
+    Adam adam, alpha_adam;                                     // of the network, of log_alpha
+
+  private:
+    static Network on_device(Network made, torch::Device device) {
+        made->to(device);
+        return made;
+    }
+};
+
+}  // namespace cale

@@ -1,0 +1,240 @@
+// What every agent that learns from a replay has in common: it fills the replay, acts on a schedule of
+// exploration, updates at fixed intervals, and is saved and restored.
+// What is learned, and how actions follow from it, is the algorithm's: agents/{sac,sacd,dqn,der}.cpp.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <ATen/core/Generator.h>
+#include <c10/core/Event.h>
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include "agents/agent.h"
+#include "agents/captured_update.h"
+#include "agents/exploration.h"
+#include "agents/random.h"
+#include "agents/state.h"
+#include "agents/time_split.h"
+#include "cale/fields.h"
+#include "replay/replay_buffer.h"
+
+namespace cale {
+
+/// The defaults are those of 200 million frames.
+struct ReplaySettings {
+    double gamma = 0.99;
+    std::int64_t update_horizon = 1;
+    std::int64_t min_replay = 20'000;
+    std::int64_t update_period = 4;
+    std::int64_t gradient_steps = 1;
+    std::int64_t replay_capacity = 1'000'000;
+    std::int64_t batch_size = 32;
+    std::optional<double> reward_clip = std::nullopt;
+    double reward_scale = 1;
+    ReplayTerminal replay_terminal = ReplayTerminal::corrected;
+    bool replay_on_device = false;
+};
+
+template <class Visit>
+void fields(ReplaySettings& settings, Visit&& visit) {
+    visit("gamma", settings.gamma, Range{0, 1}, "discount per agent step");
+    visit("update_horizon", settings.update_horizon, Range{1, 1000}, "n of the n-step return");
+    visit("min_replay", settings.min_replay, Range{0, 1e12}, "transitions stored before the first update");
+    visit("update_period", settings.update_period, Range{1, 1e9}, "agent steps per update");
+    visit("gradient_steps", settings.gradient_steps, Range{1, 1000}, "gradient steps per update");
+    visit("replay_capacity", settings.replay_capacity, Range{1, 1e9}, "transitions kept in the replay");
+    visit("batch_size", settings.batch_size, Range{1, 65'536}, "transitions per gradient step");
+    visit("reward_clip", settings.reward_clip, Range{0, 1e9},
+          "rewards are clipped to plus or minus this when stored; none: off");
+    visit("reward_scale", settings.reward_scale, Range{0, 1e9},
+          "factor of the n-step return in the values' target");
+    visit("replay_terminal", settings.replay_terminal,
+          "corrected: every transition once; dopamine: the reference's accumulator");
+    visit("replay_on_device", settings.replay_on_device,
+          "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
+}
+
+/// The replay of an agent, the count of its decisions, and the schedules that follow from that count.
+class AgentReplay {
+  public:
+    /// Throws as ReplayBuffer does.
+    AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised);
+
+    /// Stores one step of every environment. Throws std::invalid_argument for other counts and for a reward
+    /// that is not finite.
+    void record(const Experiences& seen);
+    /// Whether more than min_replay transitions have been stored, so that updates may begin.
+    bool ready() const;
+
+    /// Counts the next decision of each environment.
+    void advance() { decisions_ += spec_.num_envs; }
+    /// Returns how many of the decisions that the newest advance() counted have a number that is a multiple
+    /// of `period`. Decisions are numbered from 0 over a run.
+    std::int64_t due(std::int64_t period) const;
+    /// Returns the number of decisions counted so far.
+    std::int64_t decisions() const { return decisions_; }
+    /// Returns epsilon for the next decision: 1 during the warm-up, then as `settings` say.
+    double epsilon(const EpsilonSettings& settings) const;
+
+    /// Returns a batch on the agent's device, in the same memory every time. `index` stays on the CPU.
+    Batch sample();
+    /// Sets the priorities of the batch sampled last. Must be called before anything else is recorded.
+    void set_priorities(const Batch& batch, const torch::Tensor& priorities);
+
+    /// Returns the time spent in record() and sample() so far.
+    const TimeSplit& time() const { return time_; }
+    /// Adds the generator and the counter. The contents are those of buffer().
+    void add_state(StateParts& parts);
+    ReplayBuffer& buffer() { return buffer_; }
+
+  private:
+    ReplaySettings settings_;
+    AgentSpec spec_;
+    ReplayBuffer buffer_;
+    Batch sampled_;    // filled anew by every sample()
+    Batch on_device_;  // its copy there, unless the device is the CPU
+    c10::Event copied_;
+    std::mt19937_64 random_;
+    std::int64_t decisions_ = 0;
+    TimeSplit time_;
+};
+
+/// Throws std::invalid_argument, naming both shapes, where the parts of a batch do not fit together or its
+/// action has another shape than `action`.
+void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArrayRef action);
+
+/// Returns the generator of an agent's initial parameters. Called twice, it makes the same network twice, so
+/// that a target starts equal to its network.
+at::Generator initial_values(const AgentSpec& spec);
+
+/// The random streams of an agent beside those of its replay and of its initial parameters.
+struct RandomStreams {
+    RandomStreams(const AgentSpec& spec, bool draws_in_updates);
+    void add_state(StateParts& parts);
+
+    at::Generator acting, evaluation;  // on the CPU
+    at::Generator updates;             // on the agent's device; undefined where updates draw nothing
+};
+
+/// What an algorithm knows of the run when it acts.
+struct Acting {
+    ActMode mode;
+    double epsilon;        // in training the schedule's, 1 during the warm-up; in evaluation epsilon_eval
+    at::Generator random;  // of training or of evaluation, on the CPU
+
+    bool training() const { return mode == ActMode::train; }
+};
+
+/// An agent that learns from a replay. `Algorithm` has
+///     Algorithm(const Config&, const AgentSpec&)       networks, targets, optimisers
+///     Config config                                    with `replay` and `epsilon`
+///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
+///                                                      graph (agents/captured_update.h)
+///     Tensor act(const Tensor& observations, const Acting&)
+///     optional<double> epsilon(double scheduled)       epsilon in training; none: explores by its own noise
+///     map<string, double> metrics(const Losses&)
+///     void add_state(StateParts&)
+///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
+/// and, where it has them, copy_to_target() with config.target_update_period, and prioritised() with
+/// Losses::priorities [B].
+/// With N environments an update() stands for N decisions, and each of them whose number is a multiple of
+/// update_period is one update: 1 / update_period per agent step, as with N = 1.
+template <class Algorithm>
+class OffPolicy final : public Agent {
+  public:
+    OffPolicy(const typename Algorithm::Config& config, const AgentSpec& spec)
+        : spec_(spec),
+          algorithm_(config, spec),
+          replay_(config.replay, spec, prioritised()),
+          random_(spec, Algorithm::kDrawsInUpdates),
+          gradient_step_(spec.device, Algorithm::kDrawsInUpdates ? std::vector{random_.updates}
+                                                                 : std::vector<at::Generator>{}) {}
+
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        const torch::NoGradGuard no_grad;
+        const bool training = mode == ActMode::train;
+        return algorithm_.act(observations.to(spec_.device),
+                              {.mode = mode,
+                               .epsilon = training ? epsilon() : algorithm_.config.epsilon.epsilon_eval,
+                               .random = training ? random_.acting : random_.evaluation});
+    }
+
+    void observe(const Experiences& seen) override { replay_.record(seen); }
+
+    bool update(const torch::Tensor&) override {
+        const auto& config = algorithm_.config;
+        replay_.advance();
+        if (!replay_.ready()) return false;
+        const auto gradient_steps = replay_.due(config.replay.update_period) * config.replay.gradient_steps;
+        for (std::int64_t i = 0; i < gradient_steps; ++i) learn();
+        if constexpr (requires { algorithm_.copy_to_target(); })
+            if (replay_.due(config.target_update_period) > 0) algorithm_.copy_to_target();
+        return gradient_steps > 0;
+    }
+
+    TimeSplit memory_time() const override { return replay_.time(); }
+
+    std::map<std::string, double> metrics() override {
+        auto values = newest_ ? algorithm_.metrics(*newest_) : std::map<std::string, double>{};
+        values["charts/learning_rate"] = algorithm_.config.learning_rate;
+        if (const auto epsilon = algorithm_.epsilon(scheduled_epsilon())) values["charts/epsilon"] = *epsilon;
+        return values;
+    }
+
+    TensorMap state() override { return saved(parts()); }
+    void load_state(const TensorMap& state) override {
+        restore(parts(), state);
+        newest_.reset();
+        gradient_step_.forget();
+    }
+    ReplayBuffer* replay() override { return &replay_.buffer(); }
+
+  private:
+    bool prioritised() const {
+        if constexpr (requires { algorithm_.prioritised(); }) return algorithm_.prioritised();
+        return false;
+    }
+
+    double scheduled_epsilon() const { return replay_.epsilon(algorithm_.config.epsilon); }
+    double epsilon() const {
+        return algorithm_.epsilon(scheduled_epsilon()).value_or(replay_.ready() ? 0.0 : 1.0);
+    }
+
+    void learn() {
+        const Batch batch = replay_.sample();
+        gradient_step_([&] { newest_ = algorithm_.learn(batch, random_.updates); });
+        if constexpr (requires { newest_->priorities; })
+            if (prioritised()) replay_.set_priorities(batch, newest_->priorities);
+    }
+
+    StateParts parts() {
+        StateParts parts;
+        algorithm_.add_state(parts);
+        random_.add_state(parts);
+        replay_.add_state(parts);
+        return parts;
+    }
+
+    AgentSpec spec_;
+    Algorithm algorithm_;
+    AgentReplay replay_;
+    RandomStreams random_;
+    CapturedUpdate gradient_step_;
+    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step
+};
+
+/// Returns the agent that `Algorithm` makes of a replay. Throws as its constructor does.
+template <class Algorithm>
+std::unique_ptr<Agent> off_policy(const typename Algorithm::Config& config, const AgentSpec& spec) {
+    return std::make_unique<OffPolicy<Algorithm>>(config, spec);
+}
+
+}  // namespace cale

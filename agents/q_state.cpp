@@ -1,0 +1,50 @@
+#include "agents/q_state.h"
+
+#include <utility>
+
+#include <torch/types.h>
+
+namespace cale {
+namespace {
+
+QNetwork make_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head) {
+    head.num_actions = spec.num_actions;
+    head.hidden_units = settings.hidden_units;
+    head.dueling = settings.dueling;
+    QNetwork network(EncoderConfig{.encoder = settings.encoder,
+                                   .stack = spec.stack,
+                                   .frame_height = spec.frame_height,
+                                   .frame_width = spec.frame_width,
+                                   .padding = settings.padding},
+                     head, initial_values(spec));
+    network->to(spec.device);
+    return network;
+}
+
+}  // namespace
+
+QState::QState(QNetwork network_, QNetwork target_, const AdamConfig& adam_config)
+    : network(std::move(network_)), target(std::move(target_)), adam(network->parameters(), adam_config) {}
+
+QState::QState(const QSettings& settings, const AgentSpec& spec, QHeadConfig head)
+    : QState(make_network(settings, spec, head), make_network(settings, spec, head),
+             {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {}
+
+void QState::step(torch::Tensor& loss) {
+    adam.zero_grad();
+    loss.backward();
+    adam.step();
+    loss = loss.detach();
+}
+
+void QState::copy_to_target() {
+    hard_update(target->parameters(), network->parameters());
+}
+
+void QState::add_state(StateParts& parts) {
+    parts.add("network/", *network);
+    parts.add("target/", *target);
+    parts.add("adam/", adam.state());
+}
+
+}  // namespace cale

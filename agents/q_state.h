@@ -1,0 +1,67 @@
+// What DQN and DER have in common: their settings, and what a gradient step changes.
+#pragma once
+
+#include <cstdint>
+
+#include "agents/agent.h"
+#include "agents/exploration.h"
+#include "agents/off_policy.h"
+#include "agents/state.h"
+#include "cale/fields.h"
+#include "networks/adam.h"
+#include "networks/q_network.h"
+
+namespace cale {
+
+/// The defaults are Dopamine's for 200 million frames.
+struct QSettings {
+    EncoderKind encoder = EncoderKind::phi_dqn;
+    Padding padding = Padding::same;
+    std::int64_t hidden_units = 512;
+    bool dueling = false;
+    bool double_dqn = false;
+    ReplaySettings replay{.reward_clip = 1};
+    std::int64_t target_update_period = 8'000;
+    EpsilonSettings epsilon;
+    double learning_rate = 6.25e-5;
+    double adam_epsilon = 1.5e-4;
+};
+
+template <class Visit>
+void fields(QSettings& settings, Visit&& visit) {
+    visit("encoder", settings.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("padding", settings.padding,
+          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
+    visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");
+    visit("dueling", settings.dueling, "a state's value and the actions' advantages apart");
+    visit("double_dqn", settings.double_dqn,
+          "the online network chooses the action that the target evaluates");
+    fields(settings.replay, visit);
+    visit("target_update_period", settings.target_update_period, Range{1, 1e9},
+          "agent steps between copies of the network to the target");
+    fields(settings.epsilon, visit);
+    visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate");
+    visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+}
+
+/// A network for action values, its target, and the optimiser.
+struct QState {
+    /// Takes the networks as they are.
+    QState(QNetwork network, QNetwork target, const AdamConfig& adam_config);
+    /// On the spec's device and for its observations and actions; the target starts equal to the network.
+    /// `head` says how action values are represented; its numbers of actions and of hidden units are set
+    /// here.
+    QState(const QSettings& settings, const AgentSpec& spec, QHeadConfig head);
+
+    /// One step along the gradient of `loss` [], which afterwards is without its graph.
+    void step(torch::Tensor& loss);
+    /// target = network.
+    void copy_to_target();
+    /// Adds network/, target/ and adam/.
+    void add_state(StateParts& parts);
+
+    QNetwork network, target;  // the one that acts, and the one that values what follows
+    Adam adam;                 // the network's optimiser
+};
+
+}  // namespace cale
