@@ -248,8 +248,7 @@ TEST_P(GoldenGames, AreTheReferences) {
             const auto expected = cale::split(run.at(column), ' ');
             for (std::size_t i = 0; i < blocks; ++i) {
                 if ((traces[i].*crc).value() == std::stoll(expected.at(i), nullptr, 16)) continue;
-                ADD_FAILURE() << game << ": the " << column
-                              << " are not the reference's, for the first time in the steps "
+                ADD_FAILURE() << game << ": " << column << " differ from the reference, first in steps "
                               << i * block_steps << " to " << (i + 1) * block_steps - 1;
                 return;
             }
