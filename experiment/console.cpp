@@ -32,6 +32,7 @@ std::string short_count(std::int64_t count) {
 }
 
 double seconds_left(const Progress& progress) {
+    if (progress.step >= progress.total_steps) return 0;
     return static_cast<double>(progress.total_steps - progress.step) / progress.steps_per_second;
 }
 
@@ -132,7 +133,7 @@ void Console::message(std::string_view text) {
 }
 
 void Console::finish(const Progress& progress, std::string_view text) {
-    report(progress);
+    draw(progress);
     fmt::print(out_, "{}{}\n", drawn_ ? "\n" : "", text);
     std::fflush(out_);
     drawn_ = false;

@@ -53,7 +53,7 @@ class Console {
 
     /// A line of its own, above the bar.
     void message(std::string_view text);
-    /// The end: how far the run came, and below it a last line, which says where the results are.
+    /// The end: the bar a last time, if there is one, and below it a line that says where the results are.
     void finish(const Progress& progress, std::string_view text);
 
   private:

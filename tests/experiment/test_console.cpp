@@ -70,6 +70,9 @@ TEST(ProgressLine, IsCompleteAndExact) {
               "step 50000/100000  frames 200000  500.0 steps/s  ETA 1:40  episodes 66  return -12.3  alpha "
               "0.01234  "
               "epsilon 0.1");
+    Progress end = halfway();
+    end.step = end.total_steps;
+    EXPECT_THAT(progress_line(end), HasSubstr("500.0 steps/s  ETA 0:00  episodes"));
 }
 
 TEST(Duration, IsReadable) {
@@ -109,8 +112,7 @@ TEST(ConsoleWithoutTerminal, WritesPlainLines) {
               "  game        ALE/Pong-v5\n"
               "  run folder  runs/pong\n"
               "\n" +
-                  progress_line(halfway()) + "\na warning\n" + progress_line(halfway()) +
-                  "\nResults are in runs/pong\n");
+                  progress_line(halfway()) + "\na warning\nResults are in runs/pong\n");
 }
 
 /// A pseudo terminal of `columns` columns.
