@@ -11,6 +11,7 @@
 
 #include "agents/time_split.h"
 #include "cale/games.h"
+#include "cale/random_play.h"
 #include "experiment/checkpoint.h"
 #include "experiment/checkpoint_writer.h"
 #include "experiment/console.h"
@@ -342,7 +343,7 @@ class Run {
         if (history.steps.empty()) return;
         const Game& game = find_game(env_config_.game);
         std::vector<ReferenceScore> references;
-        if (game.random_score) references.push_back({"random", *game.random_score});
+        if (const auto floor = random_floor(env_config_)) references.push_back({"random", *floor});
         if (game.human_score) references.push_back({"human", *game.human_score});
         const Picture picture =
             learning_curve(history, fmt::format("{} on {}", options_.agent_name, env_id_), references);

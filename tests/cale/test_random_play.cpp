@@ -107,11 +107,11 @@ TEST(RandomPlay, UnknownGamesAndProtocolsAreNamed) {
 
 TEST(EmulatorRandomPlay, ThePaddlesStrengthMattersInPongAndBreakoutAlone) {
     std::vector<std::uint8_t> observation(cale::kFrameSize);
-    for (const auto& game : cale::games()) {
+    for (const auto* game : {"pong", "breakout", "video_pinball", "tennis", "kung_fu_master"}) {
         std::vector<std::vector<std::uint8_t>> ram;
         bool measured = false;
         for (const auto strength : {cale::PaddleStrength::one, cale::PaddleStrength::radius}) {
-            auto config = cale::protocol_atari100k(std::string(game.rom));
+            auto config = cale::protocol_atari100k(game);
             config.paddle_strength = strength;
             measured = cale::joystick_random(config).has_value();
             cale::Env env(config, 1);
@@ -120,7 +120,7 @@ TEST(EmulatorRandomPlay, ThePaddlesStrengthMattersInPongAndBreakoutAlone) {
                 env.step({.radius = 0.6F, .theta = step % 9 < 3 ? 0.0F : 3.0F, .fire = 1}, observation);
             ram.emplace_back(env.ram().begin(), env.ram().end());
         }
-        EXPECT_EQ(ram[0] == ram[1], measured) << game.name;
+        EXPECT_EQ(ram[0] == ram[1], measured) << game;
     }
 }
 

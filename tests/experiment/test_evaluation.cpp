@@ -1,5 +1,6 @@
 #include "experiment/evaluation.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/types.h>
@@ -15,6 +16,7 @@
 #include "agents/dqn.h"
 #include "agents/ppo.h"
 #include "agents/sac.h"
+#include "cale/random_play.h"
 #include "experiment/evaluation_report.h"
 #include "experiment/export.h"
 #include "experiment/policy_evaluation.h"
@@ -328,6 +330,20 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"agent\": \"ppo\""));
     EXPECT_THAT(evaluation_text(report), HasSubstr("ppo on Breakout after 4 agent steps, run\n"));
     EXPECT_THAT(evaluation_text(report), HasSubstr("greedy, epsilon 0.2"));
+    EXPECT_THAT(evaluation_text(report), HasSubstr("random play           1.70, published\n"));
+    EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"random_play\": 1.7\n"));
+
+    // The joystick at random is another floor, which depends on the rules.
+    plan.env.action_space = ActionSpace::continuous;
+    EXPECT_THAT(evaluation_text(report), HasSubstr("not measured with this joystick and these rules\n"));
+    plan.env.max_frames_per_episode = 108'000;
+    const auto& play = joystick_random("breakout", "200m");
+    EXPECT_EQ(plan.env.sticky_probability, 0.25);
+    EXPECT_THAT(
+        evaluation_text(report),
+        HasSubstr(fmt::format("random play           {:.2f} ({:.2f} to {:.2f}), measured with the joystick\n",
+                              play.mean, play.low, play.high)));
+    plan.env.action_space = ActionSpace::minimal;
 
     EXPECT_NO_THROW(require_playable(policy.info(), plan.env));
     plan.env.game = "alien";

@@ -13,9 +13,11 @@
 #include <random>
 #include <sstream>
 
+#include <fmt/format.h>
 #include <torch/types.h>
 
 #include "agents/sac.h"
+#include "cale/random_play.h"
 #include "experiment/checkpoint.h"
 #include "experiment/files.h"
 #include "experiment/log.h"
@@ -26,6 +28,8 @@ namespace cale {
 namespace {
 
 using test::TemporaryFolder;
+using testing::HasSubstr;
+using testing::Not;
 
 namespace fs = std::filesystem;
 
@@ -246,6 +250,29 @@ TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
         EXPECT_TRUE(fs::exists(folder.path() / name)) << name;
     }
     EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
+}
+
+TEST_F(TrainingEmulator, TheLearningCurveShowsRandomPlayWithTheRunsActions) {
+    struct DiscreteAgent : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor&, ActMode) override {
+            return torch::full({1}, steps % 4, torch::kInt64);
+        }
+    } discrete(1);
+    eval.episodes = 0;
+    env.action_space = ActionSpace::minimal;
+    train(discrete);
+    EXPECT_THAT(read_file(folder.path() / "learning_curve.svg"), HasSubstr(">random 1.7<"));
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    env.action_space = ActionSpace::continuous;
+    env.max_frames_per_episode = 108'000;
+    ScribeAgent joystick(1);
+    train(joystick);
+    const auto curve = read_file(place.path() / "learning_curve.svg");
+    EXPECT_THAT(curve, HasSubstr(fmt::format(">random {:.1f}<", joystick_random("breakout", "200m").mean)));
+    EXPECT_THAT(curve, Not(HasSubstr(">random 1.7<")));
 }
 
 TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {
