@@ -85,7 +85,8 @@ std::string evaluation_text(const EvaluationReport& report) {
     return text;
 }
 
-void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report) {
+void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
+                             const std::string& name) {
     const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
     const ReturnSummary summary = summarise(evaluation, plan.env.game);
     nlohmann::ordered_json env;
@@ -115,9 +116,9 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"random_play", nullptr}};
     if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
     if (const auto floor = random_floor(plan.env)) json["random_play"] = *floor;
-    write_evaluation(folder / "evaluation.csv", evaluation);
+    write_evaluation(folder / (name + ".csv"), evaluation);
     // The source is a path, which need not be UTF-8, as JSON must.
-    write_file_atomically(folder / "evaluation.json",
+    write_file_atomically(folder / (name + ".json"),
                           json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
