@@ -219,8 +219,12 @@ class Der final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+void check_settings(const DerConfig&, const AgentSpec& spec) {
     require_discrete("DER", spec);
+}
+
+std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Der>(config, spec);
 }
 
