@@ -138,7 +138,8 @@ class Der final : public Agent {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
         auto& random = training ? acting_random_ : evaluation_random_;
-        const auto noise = training ? draw(acting_random_) : QNoise{};  // evaluation is free of noise
+        // With one draw for all, the environments would explore alike. Evaluation is free of noise.
+        const auto noise = training ? draw(acting_random_, observations.size(0)) : QNoise{};
         const auto output = learner_.network(observations.to(spec_.device), training ? &noise : nullptr);
         const auto greedy = action_values(output, support_).argmax(1).cpu();
         return epsilon_greedy(greedy, training ? epsilon() : config_.epsilon.epsilon_eval, spec_.num_actions,
@@ -180,8 +181,8 @@ class Der final : public Agent {
     /// Noisy weights explore by themselves, from the first step on.
     double epsilon() const { return config_.noisy ? 0 : memory_.epsilon(config_.epsilon); }
 
-    QNoise draw(const at::Generator& random) {
-        return to(learner_.network->head->draw_noise(random), spec_.device);
+    QNoise draw(const at::Generator& random, std::int64_t rows = 1) {
+        return to(learner_.network->head->draw_noise(random, rows), spec_.device);
     }
 
     void learn() {
@@ -218,8 +219,12 @@ class Der final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+void check_settings(const DerConfig&, const AgentSpec& spec) {
     require_discrete("DER", spec);
+}
+
+std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Der>(config, spec);
 }
 

@@ -145,8 +145,12 @@ class Dqn final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
+void check_settings(const DqnConfig&, const AgentSpec& spec) {
     require_discrete("DQN", spec);
+}
+
+std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Dqn>(config, spec);
 }
 

@@ -78,5 +78,7 @@ DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& con
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
+void check_settings(const DqnConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

@@ -227,8 +227,12 @@ class Sac final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
+void check_settings(const SacConfig&, const AgentSpec& spec) {
     require_continuous("SAC", spec);
+}
+
+std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Sac>(config, spec);
 }
 

@@ -204,8 +204,12 @@ class Sacd final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
+void check_settings(const SacdConfig&, const AgentSpec& spec) {
     require_discrete("SAC-D", spec);
+}
+
+std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Sacd>(config, spec);
 }
 

@@ -89,5 +89,7 @@ SacdLosses sacd_update(SacdLearner& learner, const Batch& batch, double target_e
 /// training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
+void check_settings(const SacdConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

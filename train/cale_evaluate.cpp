@@ -57,6 +57,8 @@ EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
     set_environment(env, options.settings);
     env.game = find_game(env.game).rom;
+    if (const auto kept = keep_life_loss(policy, env); !kept.empty())
+        std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
     return env;
 }
 

@@ -60,6 +60,8 @@ PlayPlan plan_of(const Options& options) {
             throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");
         return plan;
     }
+    if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
+        std::fputs(fmt::format("cale play: {}\n", kept).c_str(), stderr);
     require_playable(policy->info(), plan.env);
     plan.stack_depth = static_cast<std::size_t>(policy->info().stack);
     const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);

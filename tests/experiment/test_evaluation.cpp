@@ -209,6 +209,24 @@ TEST(EvaluationEmulator, ALostLifeClearsTheStackAndDoesNotEndTheGame) {
     }
 }
 
+TEST(Evaluation, ALostLifeDoesToAPolicysInputsWhatItDidInTraining) {
+    for (const bool trained : {true, false}) {
+        PolicyInfo policy;
+        policy.life_loss_ends_episode = trained;
+        EnvConfig env;
+        env.terminal_on_life_loss = trained;
+        EXPECT_EQ(keep_life_loss(policy, env), "");
+        EXPECT_EQ(env.terminal_on_life_loss, trained);
+        env.terminal_on_life_loss = !trained;
+        EXPECT_EQ(keep_life_loss(policy, env),
+                  trained ? "env.terminal_on_life_loss=false is not applied: as in this policy's training "
+                            "(true), a lost life clears its frame stack; no game ends with a life"
+                          : "env.terminal_on_life_loss=true is not applied: as in this policy's training "
+                            "(false), a lost life does not clear its frame stack; no game ends with a life");
+        EXPECT_EQ(env.terminal_on_life_loss, trained);
+    }
+}
+
 TEST(EvaluationEmulator, FilmsTheGameThatIsAskedFor) {
     const TemporaryFolder folder;
     auto plan = short_games();

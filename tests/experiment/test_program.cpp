@@ -175,6 +175,100 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
 }
 
+/// A run of three rollouts with a small network.
+std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"--run-dir",
+                                          run_dir.string(),
+                                          "--threads",
+                                          "1",
+                                          "--no-progress",
+                                          "agent.encoder=phi_dqn",
+                                          "agent.hidden_units=8",
+                                          "agent.rollout_steps=8",
+                                          "agent.minibatch_size=4",
+                                          "agent.epochs=1",
+                                          "train.total_steps=24",
+                                          "eval.episodes=0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+TEST(ProgramEmulator, ARunWhoseScheduleLastsForAllOfItIsLengthenedOnlyWhenToldTo) {
+    const TemporaryFolder folder;
+    const auto lengthened = [](const std::filesystem::path& run, std::vector<std::string> more = {}) {
+        std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
+                                           "train.total_steps=32"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return train("ppo", make_ppo, arguments);
+    };
+    const auto annealed = folder.path() / "annealed";
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(annealed)).code, 0);
+    const auto refused = lengthened(annealed);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_THAT(refused.stderr_text,
+                testing::HasSubstr("train.total_steps was 24 and is now 32, which changes the schedule of "
+                                   "agent.anneal_learning_rate; resume with the run's own"));
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("say --accept-changes"));
+    const auto accepted = lengthened(annealed, {"--accept-changes"});
+    EXPECT_EQ(accepted.code, 0) << accepted.stderr_text;
+    EXPECT_THAT(read_file(annealed / "metadata.json"), testing::HasSubstr("train.total_steps was 24"));
+    EXPECT_EQ(lengthened(annealed).code, 0) << "accepted once is enough";
+
+    for (const std::string constant : {"agent.anneal_learning_rate=false", "agent.anneal_steps=5"}) {
+        const auto run = folder.path() / constant;
+        ASSERT_EQ(train("ppo", make_ppo, small_ppo(run, {constant})).code, 0);
+        const auto answer = lengthened(run);
+        EXPECT_EQ(answer.code, 0) << constant << ": " << answer.stderr_text;
+    }
+}
+
+TEST(ProgramEmulator, ARunSaysWhichScheduleLastsForAllOfIt) {
+    const TemporaryFolder folder;
+    const auto metadata = [&](const std::string& run) {
+        return read_file(folder.path() / run / "metadata.json");
+    };
+    ASSERT_EQ(train_sac(small(folder.path() / "sac")).code, 0);
+    EXPECT_THAT(metadata("sac"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(folder.path() / "ppo")).code, 0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"agent.anneal_learning_rate\""));
+    const auto run = (folder.path() / "ppo").string();
+    ASSERT_EQ(train("ppo", make_ppo,
+                    {"--resume", "--run-dir", run, "--no-progress", "--accept-changes",
+                     "agent.anneal_learning_rate=false"})
+                  .code,
+              0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+}
+
+TEST(Program, SettingsThatDoNotFitTogetherAreRefusedBeforeTheyArePrinted) {
+    const auto print = [](std::vector<std::string> settings) {
+        settings.insert(settings.begin(), "--print-config");
+        testing::internal::CaptureStdout();
+        auto answer = train("ppo", make_ppo, settings);
+        return std::pair(answer, testing::internal::GetCapturedStdout());
+    };
+    const auto [fine, printed] = print({"agent.minibatch_size=128"});
+    EXPECT_EQ(fine.code, 0) << fine.stderr_text;
+    EXPECT_THAT(printed, testing::HasSubstr("minibatch_size: 128"));
+    const std::string multiple = "agent.rollout_steps is 1024, which is no multiple of ";
+    for (const auto& [settings, sentence] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"agent.minibatch_size=300"}, multiple + "agent.minibatch_size = 300; change one of the two"},
+             {{"env.num_envs=3"}, multiple + "env.num_envs = 3; change one of the two"},
+             {{"train.overlap=true"}, "train.overlap: ppo learns only from"},
+             {{"agent.replay_terminal=dopamine", "env.num_envs=2"},
+              "dopamine is a rule for env.num_envs = 1"},
+             {{"agent.stack_after_update=repeated", "env.num_envs=2"}, "repeated is for env.num_envs = 1"}}) {
+        const auto [refused, nothing] = print(settings);
+        EXPECT_EQ(refused.code, 2) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("train_ppo: ")) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr(sentence));
+        EXPECT_EQ(nothing, "");
+    }
+    const auto joystick = train_sac({"--print-config", "env.action_space=minimal"});
+    EXPECT_EQ(joystick.code, 2);
+    EXPECT_THAT(joystick.stderr_text, testing::HasSubstr("set env.action_space to continuous"));
+}
+
 TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfiguration) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
@@ -289,6 +383,32 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
         EXPECT_EQ(said.text, sentence + "\n");
         EXPECT_EQ(said.code, 2) << words;
     }
+}
+
+TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(
+        train_sac(small(folder.path() / "run", {"env.game=breakout", "env.terminal_on_life_loss=true"})).code,
+        0);
+    const auto evaluated = [&](const std::string& out, const std::string& words) {
+        const auto said =
+            cale_says("evaluate run --sampled --episodes 1 --noop-max 0 --out " + out + words, folder.path());
+        EXPECT_EQ(said.code, 0) << said.text;
+        return said.text;
+    };
+    const std::string note = "cale evaluate: env.terminal_on_life_loss=false is not applied: ";
+    EXPECT_THAT(evaluated("as_trained", ""), testing::Not(testing::HasSubstr(note)));
+    EXPECT_THAT(evaluated("set", " --set env.terminal_on_life_loss=false"), testing::HasSubstr(note));
+    const auto games = read_file(folder.path() / "as_trained" / "evaluation.csv");
+    EXPECT_EQ(read_file(folder.path() / "set" / "evaluation.csv"), games);
+    EXPECT_THAT(read_file(folder.path() / "set" / "evaluation.json"),
+                testing::HasSubstr("\"env.terminal_on_life_loss\": \"true\""));
+    // A step that a lost life cuts short has fewer than four frames.
+    const auto row = games.substr(games.find('\n') + 1);
+    double episode = 0, episode_return = 0, length = 0, frames = 0;
+    ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%lf,%lf,%lf", &episode, &episode_return, &length, &frames), 4)
+        << row;
+    EXPECT_LT(frames, 4 * length - 4) << "more than its last step was cut short";
 }
 
 TEST(CaleProgram, NumbersAreAllThatIsWritten) {
