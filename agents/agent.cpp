@@ -6,9 +6,9 @@ namespace cale {
 
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (spec.num_actions == 0) return;
-    throw std::invalid_argument(std::string(who) + " acts on the continuous joystick; this world has " +
-                                std::to_string(spec.num_actions) +
-                                " discrete actions: set env.action_space to continuous");
+    throw std::invalid_argument(std::string(who) +
+                                " acts on the continuous joystick; this world has discrete actions: set "
+                                "env.action_space to continuous");
 }
 
 void require_discrete(std::string_view who, const AgentSpec& spec) {

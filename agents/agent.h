@@ -22,6 +22,16 @@ class ReplayBuffer;
 using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// What an agent is told about the world it is made for.
+///
+/// Beside an agent's configuration there may be two functions, which the training programs call:
+///   check_settings(config, spec)    Throws std::invalid_argument, a sentence, where settings that may each
+///   be
+///                                   so do not fit together, or not this world; make_NAME() calls it too. Of
+///                                   num_actions it may only ask whether it is 0: it is called before there
+///                                   is a game.
+///   schedule_over_run(config)       The key of the setting by which a schedule lasts for the whole run, so
+///                                   that another train.total_steps changes it: "agent.anneal_learning_rate".
+///                                   Empty: there is none.
 struct AgentSpec {
     std::int64_t num_envs = 1;                 // of this process
     std::int64_t num_actions = 0;              // 0: the continuous joystick
@@ -29,6 +39,7 @@ struct AgentSpec {
     std::int64_t frame_height = kFrameHeight;  // rows of a frame
     std::int64_t frame_width = kFrameWidth;    // columns of a frame
     std::int64_t total_steps = 0;              // agent steps of the whole run, for schedules that end with it
+    bool overlap = false;                      // the environments step while the agent learns
     std::uint64_t seed = 1;                    // all that is random in the agent follows from it
     torch::Device device = torch::kCPU;        // where the networks are
     ProcessGroup processes = {};  // that train this agent together, each with num_envs environments
@@ -66,9 +77,6 @@ class Agent {
     /// updates itself when its own rhythm says so. Returns whether it did.
     virtual bool update(const torch::Tensor& observations) = 0;
 
-    /// Whether update() may run while the environments carry out what act() chose before it: not
-    /// where an agent learns from the newest policy's steps alone.
-    virtual bool learns_from_replay() const { return true; }
     /// What of the time inside update() and observe() was the replay's: its parts `replay` and `transfer`.
     virtual TimeSplit memory_time() const { return {}; }
 

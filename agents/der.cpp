@@ -117,7 +117,8 @@ struct Der : QState {
     }
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const auto noise = now.training() ? draw(now.random) : QNoise{};  // evaluation is free of noise
+        // With one draw for all, the environments would explore alike. Evaluation is free of noise.
+        const auto noise = now.training() ? draw(now.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, now.training() ? &noise : nullptr);
         const auto greedy = action_values(output, support).argmax(1).cpu();
         return epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
@@ -141,7 +142,9 @@ struct Der : QState {
                 {"losses/q_values", losses.q.mean().item<double>()}};
     }
 
-    QNoise draw(const at::Generator& random) { return to(network->head->draw_noise(random), device); }
+    QNoise draw(const at::Generator& random, std::int64_t rows = 1) {
+        return to(network->head->draw_noise(random, rows), device);
+    }
 
     DerConfig config;
     std::int64_t num_actions;
@@ -151,8 +154,12 @@ struct Der : QState {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+void check_settings(const DerConfig&, const AgentSpec& spec) {
     require_discrete("DER", spec);
+}
+
+std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return off_policy<Der>(config, spec);
 }
 

@@ -94,5 +94,7 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
+void check_settings(const DerConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

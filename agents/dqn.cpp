@@ -74,8 +74,12 @@ struct Dqn : QState {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
+void check_settings(const DqnConfig&, const AgentSpec& spec) {
     require_discrete("DQN", spec);
+}
+
+std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return off_policy<Dqn>(config, spec);
 }
 

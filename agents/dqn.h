@@ -52,5 +52,7 @@ DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config)
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
+void check_settings(const DqnConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

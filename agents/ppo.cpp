@@ -143,7 +143,7 @@ PpoLearner make_learner(const PpoConfig& config, const AgentSpec& spec) {
     network->to(spec.device);
     const auto per_rollout = config.epochs * (config.rollout_steps / config.minibatch_size);
     const auto whole_run = std::max<std::int64_t>(spec.total_steps / config.rollout_steps * per_rollout, 1);
-    const auto anneal_steps = config.anneal_steps > 0 ? config.anneal_steps : whole_run;
+    const auto anneal_steps = schedule_over_run(config).empty() ? config.anneal_steps : whole_run;
     return {network, config.anneal_learning_rate ? anneal_steps : 0, config};
 }
 
@@ -199,8 +199,6 @@ class Ppo final : public Agent {
         if (repeats()) repeated_frame_.push();
         return true;
     }
-
-    bool learns_from_replay() const override { return false; }
 
     std::map<std::string, double> metrics() override {
         auto values = newest_;
@@ -364,12 +362,17 @@ class Ppo final : public Agent {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) {
-    const auto require_multiple = [&](std::int64_t of, const char* name) {
+void check_settings(const PpoConfig& config, const AgentSpec& spec) {
+    const auto require_multiple = [&](std::int64_t of, const std::string& name) {
         if (config.rollout_steps % of == 0) return;
         throw std::invalid_argument("agent.rollout_steps is " + std::to_string(config.rollout_steps) +
-                                    ", which is no multiple of " + name + " = " + std::to_string(of));
+                                    ", which is no multiple of " + name + " = " + std::to_string(of) +
+                                    "; change one of the two");
     };
+    if (spec.overlap)
+        throw std::invalid_argument(
+            "train.overlap: ppo learns only from the steps of its newest policy, so its environments cannot "
+            "step while it learns; set train.overlap to false");
     const auto all_envs = spec.num_envs * spec.processes.size();
     if (config.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
         throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +
@@ -379,6 +382,14 @@ std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) 
                                     std::to_string(all_envs));
     require_multiple(all_envs, "env.num_envs");
     require_multiple(config.minibatch_size, "agent.minibatch_size");
+}
+
+std::string_view schedule_over_run(const PpoConfig& config) {
+    return config.anneal_learning_rate && config.anneal_steps == 0 ? "agent.anneal_learning_rate" : "";
+}
+
+std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return std::make_unique<Ppo>(config, spec);
 }
 

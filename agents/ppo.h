@@ -147,8 +147,13 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 /// repeated_frame/....
 /// Several processes do together what one would do with all their environments: they draw the same random
 /// numbers, each uses those of its environments, and the sums of their gradients are applied everywhere.
-/// Throws std::invalid_argument where rollout_steps is no multiple of the number of environments, of all
-/// processes, or of minibatch_size.
+/// Throws as check_settings() does.
 std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument where rollout_steps is no multiple of the number of
+/// environments, of all processes, or of minibatch_size; for several environments with an option that is for
+/// one; and where environments are to step while it learns.
+void check_settings(const PpoConfig& config, const AgentSpec& spec);
+/// See AgentSpec: the learning rate's, unless anneal_steps are given.
+std::string_view schedule_over_run(const PpoConfig& config);
 
 }  // namespace cale

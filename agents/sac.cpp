@@ -141,8 +141,12 @@ struct Sac : ActorCriticState<SacNetwork> {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
+void check_settings(const SacConfig&, const AgentSpec& spec) {
     require_continuous("SAC", spec);
+}
+
+std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return off_policy<Sac>(config, spec);
 }
 

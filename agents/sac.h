@@ -75,5 +75,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 /// training_steps, random/....
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with discrete actions.
+void check_settings(const SacConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

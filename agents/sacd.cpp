@@ -116,8 +116,12 @@ struct Sacd : ActorCriticState<SacdNetwork> {
 
 }  // namespace
 
-std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
+void check_settings(const SacdConfig&, const AgentSpec& spec) {
     require_discrete("SAC-D", spec);
+}
+
+std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
+    check_settings(config, spec);
     return off_policy<Sacd>(config, spec);
 }
 

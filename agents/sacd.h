@@ -71,5 +71,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 /// training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
+/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
+void check_settings(const SacdConfig& config, const AgentSpec& spec);
 
 }  // namespace cale

@@ -4,7 +4,6 @@
 #include <bit>
 #include <fstream>
 #include <iterator>
-#include <random>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -21,6 +20,9 @@
 
 namespace cale {
 namespace {
+
+// A reset of Double Dunk takes some 20 / (1 - p) frames: with p = 1 it would never end.
+constexpr float kMostStickyMenu = 0.99F;
 
 // ALE ends the process when it does not like a file, so the file is examined beforehand.
 void check_rom(const Game& game, const std::filesystem::path& file) {
@@ -51,8 +53,14 @@ std::vector<Event> events(const ale::ActionVect& actions) {
     return result;
 }
 
-std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem::path& rom_file) {
+std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem::path& rom_file,
+                                        float sticky_probability, std::uint32_t seed) {
     check_rom(game, rom_file);
+    if (game.rom == "double_dunk" && sticky_probability > kMostStickyMenu) {
+        throw std::invalid_argument(
+            "sticky_probability is " + std::to_string(sticky_probability) +
+            ": Double Dunk's menu, which ALE works with sticky actions in every reset, needs 0.99 or less");
+    }
     // The logger is shared by all of ALE, so it is told once.
     static const bool quiet = [] {
         ale::Logger::setMode(ale::Logger::Error);
@@ -60,8 +68,9 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
     }();
     static_cast<void>(quiet);
     auto ale = std::make_unique<ale::ALEInterface>();
-    ale->setInt("random_seed", 0);  // stickiness, all that it would serve, is done here
-    ale->setFloat("repeat_action_probability", 0);
+    // ALE seeds -1 by the clock, so that seed shares its neighbour's draws.
+    ale->setInt("random_seed", std::bit_cast<std::int32_t>(std::min(seed, 0xFFFFFFFEu)));
+    ale->setFloat("repeat_action_probability", sticky_probability);
     ale->setInt("frame_skip", 1);
     ale->setBool("color_averaging", false);
     ale->setInt("max_num_frames_per_episode", 0);
@@ -73,33 +82,25 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
 
 struct Emulator::Impl {
     Impl(const Game& game, const std::filesystem::path& rom_file, float sticky, std::uint32_t seed)
-        : ale(load(game, rom_file)),
-          sticky_probability(sticky),
-          generator(seed),
+        : ale(load(game, rom_file, sticky, seed)),
           minimal_actions(events(ale->getMinimalActionSet())),
           legal_actions(events(ale->getLegalActionSet())) {
         const auto& palette = ale->theOSystem->colourPalette();
         for (int index = 0; index < 256; ++index) {
-            // ALE takes an index's gray from the entry after its colour.
             const std::uint32_t colour = palette.getRGB(index);
             rgb[static_cast<std::size_t>(index)] = {static_cast<std::uint8_t>(colour >> 16),
                                                     static_cast<std::uint8_t>(colour >> 8),
                                                     static_cast<std::uint8_t>(colour)};
-            gray[static_cast<std::size_t>(index)] =
-                static_cast<std::uint8_t>(palette.getRGB(std::min(index + 1, 255)));
         }
-    }
-
-    bool sticks() {
-        const double uniform = static_cast<double>(generator()) * 0x1p-32;
-        return uniform < static_cast<double>(sticky_probability);
+        // ALE takes an index's gray from the entry after it. For 255 it reads past the end of its table. Only
+        // Air Raid shows that index, as its missiles: the sole PAL game, whose table another one follows,
+        // beginning with black.
+        for (int index = 0; index < 255; ++index)
+            gray[static_cast<std::size_t>(index)] = static_cast<std::uint8_t>(palette.getRGB(index + 1));
+        gray[255] = 0;
     }
 
     std::unique_ptr<ale::ALEInterface> ale;
-    float sticky_probability;
-    std::mt19937 generator;
-    Event held = Event::noop;
-    float held_strength = 1;
     std::vector<Event> minimal_actions;
     std::vector<Event> legal_actions;
     std::array<std::uint8_t, 256> gray{};
@@ -115,33 +116,22 @@ Emulator& Emulator::operator=(Emulator&&) noexcept = default;
 
 void Emulator::reset() {
     impl_->ale->reset_game();
-    impl_->held = Event::noop;
 }
 
 int Emulator::act(Event event, float strength) {
-    if (!impl_->sticks()) {
-        impl_->held = event;
-        impl_->held_strength = strength;
-    }
-    impl_->generator.discard(1);  // ALE's draw for the second player
-    return impl_->ale->act(static_cast<ale::Action>(impl_->held), impl_->held_strength);
+    return impl_->ale->act(static_cast<ale::Action>(event), strength);
 }
 
 std::string Emulator::state() const {
     const std::string console = impl_->ale->cloneState(/*include_rng=*/true).serialize();
-    std::ostringstream text;
-    text << impl_->generator << ' ' << static_cast<int>(impl_->held) << ' '
-         << std::bit_cast<std::uint32_t>(impl_->held_strength) << ' ' << checksum(console) << '\n';
-    return text.str() + console;
+    return std::to_string(checksum(console)) + '\n' + console;
 }
 
 void Emulator::restore(const std::string& state) {
     std::istringstream text(state);
-    int held = 0;
-    std::uint32_t strength = 0;
     unsigned long expected = 0;
-    text >> impl_->generator >> held >> strength >> expected;
-    const bool readable = text.get() == '\n' && held >= 0 && held <= static_cast<int>(Event::down_left_fire);
+    text >> expected;
+    const bool readable = text.get() == '\n';
     try {
         if (!readable) throw std::invalid_argument("its first line");
         const auto console = state.substr(static_cast<std::size_t>(text.tellg()));
@@ -150,8 +140,6 @@ void Emulator::restore(const std::string& state) {
     } catch (...) {  // ALE throws texts as well as exceptions
         throw std::runtime_error("a stored state of the emulator is damaged, or another game's");
     }
-    impl_->held = static_cast<Event>(held);
-    impl_->held_strength = std::bit_cast<float>(strength);
 }
 
 bool Emulator::game_over() const {

@@ -17,26 +17,30 @@ namespace cale {
 class Emulator {
   public:
     /// Loads the game and, as ALE does, resets it once. `sticky_probability` is the chance that
-    /// a frame repeats the action of the frame before (Machado et al. 2018); the draws are those
-    /// of ALE for `random_seed` = `seed` and `repeat_action_probability` = `sticky_probability`.
-    /// Throws std::runtime_error for a file that is not this game's ROM, naming both.
+    /// a frame repeats the action of the frame before (Machado et al. 2018). ALE draws it, with
+    /// `random_seed` = `seed` and `repeat_action_probability` = `sticky_probability`; the seed
+    /// 2^32-1, which ALE would replace by the time, is taken for 2^32-2.
+    /// Throws std::runtime_error for a file that is not this game's ROM, naming both, and
+    /// std::invalid_argument for Double Dunk with a sticky_probability above 0.99: its menu could not be
+    /// worked.
     Emulator(const Game& game, const std::filesystem::path& rom_file, float sticky_probability,
              std::uint32_t seed);
     ~Emulator();
     Emulator(Emulator&&) noexcept;
     Emulator& operator=(Emulator&&) noexcept;
 
-    /// Starts a new game.
+    /// Starts a new game. The menus of Double Dunk and Berzerk are worked with sticky actions too, so
+    /// these two games draw in a reset, and Double Dunk's takes a varying number of frames.
     void reset();
     /// One frame, 1/60 s. `strength`, 0 to 1, scales how far a paddle moves (Pong, Breakout) and
     /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
     int act(Event event, float strength);
 
-    /// All that what follows a reset() depends on, as bytes: the console, the score keeping, the sticky
-    /// actions.
+    /// All that what follows a reset() depends on, as bytes: the console, the score keeping, the generator
+    /// of the sticky actions.
     std::string state() const;
-    /// Continues where state() was, from the reset() on that must come next: ALE 0.12.1 leaves a field out of
-    /// its own state (whether the last frame was cut short), which a reset sets.
+    /// Continues where state() was, from the reset() on that must come next. It sets what ALE 0.12.1 leaves
+    /// out of its own state: whether the last frame was cut short, and the action that would stick.
     /// Throws std::runtime_error, and leaves the emulator unusable, for bytes that are no such state.
     void restore(const std::string& state);
 
@@ -52,7 +56,7 @@ class Emulator {
     int screen_width() const;   // columns: 160
     /// The current screen, row by row, as indices into the palette.
     std::span<const std::uint8_t> screen() const;
-    /// The luminance of each index; index 0 is black.
+    /// The luminance of each index as ALE's getScreenGrayscale() has it; index 0 is black, and so is 255.
     const std::array<std::uint8_t, 256>& gray_palette() const;
     /// The colour of each index: red, green, blue.
     const std::array<std::array<std::uint8_t, 3>, 256>& rgb_palette() const;

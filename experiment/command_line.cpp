@@ -30,7 +30,10 @@ constexpr TrainOption kOptions[] = {
     {"--threads", "N",
      "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
     {"--no-progress", "", "no progress bar"},
-    {"--print-config", "", "print the resolved settings as YAML, and leave"},
+    {"--print-config", "", "check the settings, print all of them as YAML, and leave"},
+    {"--or", "",
+     "with --print-config: print another document, for which the plain KEY=VALUE after this count, and not "
+     "those before"},
     {"--version", "", "print the versions, and leave"},
     {"--help", "", "print this text, and leave"},
 };
@@ -78,6 +81,7 @@ std::string unknown_option(std::string_view argument, const ConfigTable& table) 
 struct Arguments {
     CommandLine line;
     std::vector<std::pair<TrainOption, std::string>> shortcuts;  // options that set a key
+    std::vector<std::vector<std::string>> alternatives;          // to line.overrides: one for every --or
     bool help = false;
     bool version = false;
     bool print_config = false;
@@ -129,14 +133,22 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     }
     line.progress = !no_progress;
 
+    const auto set = line.overrides;  // by --set
     for (const auto& argument : app.remaining()) {
+        if (argument == "--or") {
+            arguments.alternatives.push_back(set);
+            continue;
+        }
         if (argument.starts_with("-")) throw ConfigError(unknown_option(argument, table));
         if (argument.find('=') == std::string::npos) {
             throw ConfigError(
                 fmt::format("unexpected argument '{}'; settings are given as KEY=VALUE", argument));
         }
-        line.overrides.push_back(argument);
+        auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
+        overrides.push_back(argument);
     }
+    if (!arguments.alternatives.empty() && !arguments.print_config)
+        throw ConfigError("--or is for --print-config");
     check_device(line.device);
     check_threads(line.threads);
     if (line.resume && line.run_dir.empty()) {
@@ -174,6 +186,19 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
         } catch (const ConfigError& error) {
             throw ConfigError(fmt::format("{} {}: {}", option.name, value, error.what()));
         }
+    }
+    table.validate();
+}
+
+/// One YAML document after another: the settings as they are, then those of every alternative. What comes
+/// before one that is wrong has been printed.
+void print_configs(std::string_view program, Arguments& arguments, ConfigTable& table, std::ostream& out) {
+    out << table.to_yaml();
+    for (const auto& alternative : arguments.alternatives) {
+        arguments.line.overrides = alternative;
+        table.reset();
+        apply(program, arguments, table);
+        out << "---\n" << table.to_yaml();
     }
 }
 
@@ -260,7 +285,7 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
         out << version_text(program) << '\n';
     } else {
         apply(program, arguments, table);
-        if (arguments.print_config) out << table.to_yaml();
+        if (arguments.print_config) print_configs(program, arguments, table, out);
     }
     return line;
 }

@@ -43,7 +43,8 @@ struct CommandLine {
 /// the table's structs. A later one of these has the last word: the structs' defaults, the
 /// file of --config, --set and KEY=VALUE, and options of their own such as --seed and --num-envs.
 /// --resume without --config takes the config.yaml of the run folder as the file, where there is one.
-/// --help, --version and --print-config are written to `out`.
+/// --help, --version and --print-config are written to `out`. Behind --print-config, A=1 --or A=2 are two
+/// configurations, of which every one is checked and printed, one YAML document after another.
 /// Throws ConfigError, one sentence, for everything that is wrong.
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv, std::ostream& out);

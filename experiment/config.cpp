@@ -451,6 +451,20 @@ void ConfigTable::check(std::string_view key, std::function<void(const std::stri
     found->check = std::move(check);
 }
 
+void ConfigTable::validate() const {
+    for (const auto& rule : rules_) {
+        try {
+            rule();
+        } catch (const std::invalid_argument& error) {
+            throw ConfigError(error.what());
+        }
+    }
+}
+
+void ConfigTable::reset() {
+    for (const auto& entry : entries_) entry.set(entry.default_text);
+}
+
 const ConfigEntry* ConfigTable::find(std::string_view key) const {
     const auto found = std::find_if(entries_.begin(), entries_.end(),
                                     [&](const ConfigEntry& entry) { return entry.key == key; });

@@ -88,6 +88,15 @@ class ConfigTable {
     /// the file and line, or the option, that the text stands in.
     void check(std::string_view key, std::function<void(const std::string&)> check);
 
+    /// Has validate() call `rule`, which throws std::invalid_argument, a sentence that names the keys, where
+    /// settings that may each be so do not fit together.
+    void add_rule(std::function<void()> rule) { rules_.push_back(std::move(rule)); }
+    /// Throws ConfigError with the sentence of the first rule that the settings break. To be called once all
+    /// are read.
+    void validate() const;
+    /// All settings become what they were when they were added.
+    void reset();
+
     /// The settings in order, each section's together.
     const std::vector<ConfigEntry>& entries() const { return entries_; }
     /// Whether there is such a key.
@@ -136,6 +145,7 @@ class ConfigTable {
     const ConfigEntry* find(std::string_view key) const;
 
     std::vector<ConfigEntry> entries_;
+    std::vector<std::function<void()>> rules_;
 };
 
 /// The candidate that `text` is probably a misspelling of, by edit distance; empty if none is near.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace cale {
 namespace {
@@ -32,40 +33,40 @@ std::string short_count(std::int64_t count) {
 }
 
 double seconds_left(const Progress& progress) {
+    if (progress.step >= progress.total_steps) return 0;
     return static_cast<double>(progress.total_steps - progress.step) / progress.steps_per_second;
 }
 
-std::string mean_return_text(const Progress& progress) {
-    return progress.mean_return ? fmt::format("{:.1f}", *progress.mean_return) : "-";
+/// Until the games are played or the steps are taken, whichever comes first. Games under way are taken to
+/// last as long as those that have ended.
+double seconds_left(const GamesProgress& progress) {
+    double left = std::numeric_limits<double>::infinity();
+    const auto steps = static_cast<double>(progress.steps);
+    if (progress.total_steps > 0) left = static_cast<double>(progress.total_steps) - steps;
+    if (progress.total_games > 0 && progress.games > 0)
+        left = std::min(left, static_cast<double>(progress.total_games) * progress.mean_length - steps);
+    if (progress.total_games > 0 && progress.games >= progress.total_games) left = 0;
+    return left > 0 ? left / progress.steps_per_second : 0;
 }
 
-}  // namespace
-
-std::string duration_text(double seconds) {
-    if (!std::isfinite(seconds) || seconds < 0) return "-";
-    const auto whole = static_cast<std::int64_t>(std::llround(seconds));
-    const auto days = whole / 86'400, hours = whole / 3600 % 24, minutes = whole / 60 % 60;
-    if (days > 0) return fmt::format("{}d {:02}:{:02}", days, hours, minutes);
-    if (hours > 0) return fmt::format("{}:{:02}:{:02}", hours, minutes, whole % 60);
-    return fmt::format("{}:{:02}", minutes, whole % 60);
+std::string mean_return_text(const std::optional<double>& mean) {
+    return mean ? fmt::format("{:.1f}", *mean) : "-";
 }
 
-std::string progress_bar(const Progress& progress, int width) {
-    const double done =
-        progress.total_steps > 0
-            ? std::clamp(static_cast<double>(progress.step) / static_cast<double>(progress.total_steps), 0.0,
-                         1.0)
-            : 1.0;
+/// "12/100 games"; "12 games" where nobody knows how many there will be.
+std::string games_text(const GamesProgress& progress) {
+    if (progress.total_games > 0) return fmt::format("{}/{} games", progress.games, progress.total_games);
+    return fmt::format("{} game{}", progress.games, progress.games == 1 ? "" : "s");
+}
+
+/// [0, 1]; 0 where `all` is not known.
+double ratio(std::int64_t part, std::int64_t all) {
+    return all > 0 ? std::clamp(static_cast<double>(part) / static_cast<double>(all), 0.0, 1.0) : 0.0;
+}
+
+/// " 50% [####....]" and as many of the texts as there is room for, the first ones first.
+std::string bar(double done, const std::vector<std::string>& texts, int width) {
     const std::string percentage = fmt::format("{:3.0f}%", std::floor(100 * done));
-    std::vector<std::string> texts = {
-        fmt::format("{}/{} steps", short_count(progress.step), short_count(progress.total_steps)),
-        fmt::format("{:.0f}/s", progress.steps_per_second),
-        fmt::format("ETA {}", duration_text(seconds_left(progress))),
-        fmt::format("return {}", mean_return_text(progress)),
-        fmt::format("{} frames", short_count(progress.frame)),
-    };
-    for (const auto& [name, value] : progress.values) texts.push_back(fmt::format("{} {:.3g}", name, value));
-
     std::string tail;
     for (const auto& text : texts) {
         const auto columns =
@@ -81,15 +82,63 @@ std::string progress_bar(const Progress& progress, int width) {
                        std::string(static_cast<std::size_t>(columns) - full, '.'), tail);
 }
 
+}  // namespace
+
+std::string duration_text(double seconds) {
+    if (!std::isfinite(seconds) || seconds < 0) return "-";
+    const auto whole = static_cast<std::int64_t>(std::llround(seconds));
+    const auto days = whole / 86'400, hours = whole / 3600 % 24, minutes = whole / 60 % 60;
+    if (days > 0) return fmt::format("{}d {:02}:{:02}", days, hours, minutes);
+    if (hours > 0) return fmt::format("{}:{:02}:{:02}", hours, minutes, whole % 60);
+    return fmt::format("{}:{:02}", minutes, whole % 60);
+}
+
+std::string progress_bar(const Progress& progress, int width) {
+    std::vector<std::string> texts = {
+        fmt::format("{}/{} steps", short_count(progress.step), short_count(progress.total_steps)),
+        fmt::format("{:.0f}/s", progress.steps_per_second),
+        fmt::format("ETA {}", duration_text(seconds_left(progress))),
+        fmt::format("return {}", mean_return_text(progress.mean_return)),
+        fmt::format("{} frames", short_count(progress.frame)),
+    };
+    for (const auto& [name, value] : progress.values) texts.push_back(fmt::format("{} {:.3g}", name, value));
+    const double done = progress.total_steps > 0 ? ratio(progress.step, progress.total_steps) : 1.0;
+    return bar(done, texts, width);
+}
+
+std::string progress_bar(const GamesProgress& progress, int width) {
+    std::vector<std::string> texts;
+    if (!progress.title.empty()) texts.push_back(progress.title);
+    texts.push_back(games_text(progress));
+    texts.push_back(fmt::format("mean return {}", mean_return_text(progress.mean_return)));
+    texts.push_back(fmt::format("ETA {}", duration_text(seconds_left(progress))));
+    for (const auto& [name, value] : progress.values) texts.push_back(fmt::format("{} {:.3g}", name, value));
+    texts.push_back(fmt::format("{} steps", short_count(progress.steps)));
+    texts.push_back(fmt::format("{:.0f}/s", progress.steps_per_second));
+    const double done =
+        std::max(ratio(progress.games, progress.total_games), ratio(progress.steps, progress.total_steps));
+    return bar(done, texts, width);
+}
+
 std::string progress_line(const Progress& progress) {
-    auto line =
-        fmt::format("step {}/{}  frames {}  {:.1f} steps/s  ETA {}  episodes {}  return {}", progress.step,
-                    progress.total_steps, progress.frame, progress.steps_per_second,
-                    duration_text(seconds_left(progress)), progress.episodes, mean_return_text(progress));
+    auto line = fmt::format("step {}/{}  frames {}  {:.1f} steps/s  ETA {}  episodes {}  return {}",
+                            progress.step, progress.total_steps, progress.frame, progress.steps_per_second,
+                            duration_text(seconds_left(progress)), progress.episodes,
+                            mean_return_text(progress.mean_return));
     for (const auto& [name, value] : progress.values) {
         fmt::format_to(std::back_inserter(line), "  {} {:.4g}", name, value);
     }
     return line;
+}
+
+std::string progress_line(const GamesProgress& progress) {
+    std::string line = progress.title.empty() ? "" : progress.title + "  ";
+    line += games_text(progress);
+    for (const auto& [name, value] : progress.values)
+        fmt::format_to(std::back_inserter(line), "  {} {:.6g}", name, value);
+    return line + fmt::format("  mean return {}  {:.1f} steps/s  ETA {}",
+                              mean_return_text(progress.mean_return), progress.steps_per_second,
+                              duration_text(seconds_left(progress)));
 }
 
 Console::Console(std::FILE* out, bool progress_bar)
@@ -109,19 +158,28 @@ bool Console::due() const {
 }
 
 void Console::draw(const Progress& progress) {
-    if (!bar_) return;
-    // The last column stays free: some terminals wrap a line that fills it. \033[K clears what an
-    // earlier, longer line left.
-    fmt::print(out_, "\r{}\033[K", cale::progress_bar(progress, width() - 1));
-    std::fflush(out_);
-    drawn_ = true;
-    next_draw_ = std::chrono::steady_clock::now() + kDrawInterval;
+    if (bar_) draw_line(progress_bar(progress, width() - 1));
+}
+
+void Console::draw(const GamesProgress& progress) {
+    if (bar_) draw_line(progress_bar(progress, width() - 1));
 }
 
 void Console::report(const Progress& progress) {
     if (bar_) return draw(progress);
-    fmt::print(out_, "{}\n", progress_line(progress));
+    write_line(progress_line(progress));
+}
+
+void Console::report(const GamesProgress& progress) {
+    if (bar_) return draw(progress);
+    write_line(progress_line(progress));
+}
+
+void Console::clear() {
+    if (drawn_) fmt::print(out_, "\r\033[K");
     std::fflush(out_);
+    drawn_ = false;
+    next_draw_ = {};
 }
 
 void Console::message(std::string_view text) {
@@ -132,10 +190,24 @@ void Console::message(std::string_view text) {
 }
 
 void Console::finish(const Progress& progress, std::string_view text) {
-    report(progress);
+    draw(progress);
     fmt::print(out_, "{}{}\n", drawn_ ? "\n" : "", text);
     std::fflush(out_);
     drawn_ = false;
+}
+
+void Console::draw_line(const std::string& bar) {
+    // The last column stays free: some terminals wrap a line that fills it. \033[K clears what an
+    // earlier, longer line left.
+    fmt::print(out_, "\r{}\033[K", bar);
+    std::fflush(out_);
+    drawn_ = true;
+    next_draw_ = std::chrono::steady_clock::now() + kDrawInterval;
+}
+
+void Console::write_line(const std::string& line) {
+    fmt::print(out_, "{}\n", line);
+    std::fflush(out_);
 }
 
 int Console::width() const {

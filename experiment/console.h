@@ -1,5 +1,5 @@
-// What a run shows to whoever watches: a header, a progress bar or plain lines, and
-// where the results are.
+// What a run or an evaluation shows to whoever watches: a header, a progress bar or plain lines,
+// and where the results are.
 #pragma once
 
 #include <chrono>
@@ -25,15 +25,30 @@ struct Progress {
         values{};  // what else to show: {"alpha", 0.1}, {"epsilon", 0.01}
 };
 
+/// How far games without learning are: those of an evaluation, or of a film.
+struct GamesProgress {
+    std::string title{};           // what is shown first, if anything
+    std::int64_t games = 0;        // that have ended
+    std::int64_t total_games = 0;  // 0: not known before the end
+    std::int64_t steps = 0;        // agent steps, of the games under way too
+    std::int64_t total_steps = 0;  // 0: not known before the end
+    double steps_per_second = 0;
+    std::optional<double> mean_return{};                   // of the games that have ended
+    double mean_length = 0;                                // agent steps, of the same
+    std::vector<std::pair<std::string, double>> values{};  // what else to show
+};
+
 /// Seconds as "4:05", "1:02:03" or "12d 03:04"; "-" if they are not finite.
 std::string duration_text(double seconds);
 
 /// One line for a terminal of `width` columns, never wider: what has the least room goes
 /// first, from the end, and the bar takes what is left.
 std::string progress_bar(const Progress& progress, int width);
+std::string progress_bar(const GamesProgress& progress, int width);
 
 /// One line for a log.
 std::string progress_line(const Progress& progress);
+std::string progress_line(const GamesProgress& progress);
 
 /// Writes to a file that it does not own, which must outlive it.
 class Console {
@@ -48,15 +63,21 @@ class Console {
     bool due() const;
     /// Draws the bar, if there is one.
     void draw(const Progress& progress);
+    void draw(const GamesProgress& progress);
     /// The report of every log interval: a line, or the bar drawn again.
     void report(const Progress& progress);
+    void report(const GamesProgress& progress);
+    /// Removes the bar, if there is one.
+    void clear();
 
     /// A line of its own, above the bar.
     void message(std::string_view text);
-    /// The end: how far the run came, and below it a last line, which says where the results are.
+    /// The end: the bar a last time, if there is one, and below it a line that says where the results are.
     void finish(const Progress& progress, std::string_view text);
 
   private:
+    void draw_line(const std::string& bar);
+    void write_line(const std::string& line);
     int width() const;
 
     std::FILE* out_;

@@ -217,17 +217,29 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
 
     Evaluation evaluation;
     std::int64_t begun = 0, steps = 0;
+    // The number of the next game that is to be played, if there is one.
+    const auto next_game = [&]() -> std::optional<std::int64_t> {
+        while (begun < plan.games && steps < plan.steps) {
+            const auto known = plan.known.find(begun++);
+            if (known == plan.known.end()) return begun - 1;
+            steps += known->second.length;
+            evaluation.games.resize(static_cast<std::size_t>(begun));
+            evaluation.games.back() = known->second;
+        }
+        return std::nullopt;
+    };
     while (true) {
         std::vector<std::int64_t> active, numbers;
-        const std::int64_t begun_before = begun;
+        bool some_begin = false;
         for (std::size_t row = 0; row < rows; ++row) {
-            const bool begins = !games[row] && begun < plan.games && steps < plan.steps;
-            if (!begins && !games[row]) continue;
+            const auto number = games[row] ? std::optional(games[row]->number()) : next_game();
+            if (!number) continue;
+            some_begin = some_begin || !games[row];
             active.push_back(static_cast<std::int64_t>(row));
-            numbers.push_back(begins ? begun++ : games[row]->number());
+            numbers.push_back(*number);
         }
         if (active.empty()) break;
-        if (begun > begun_before) begin_games(plan, active, numbers, stack, games);
+        if (some_begin) begin_games(plan, active, numbers, stack, games);
 
         const auto count = std::ssize(active);
         const auto observations =
@@ -240,11 +252,12 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
             }
         });
         steps += count;
+        if (plan.stepped) plan.stepped(count);
         evaluation.games.resize(static_cast<std::size_t>(begun));
         for (auto& game : games) {
             if (!game || !game->over()) continue;
             evaluation.games[static_cast<std::size_t>(game->number())] = game->result();
-            if (plan.ended) plan.ended(game->result());
+            if (plan.ended) plan.ended(game->number(), game->result());
             game.reset();
         }
     }

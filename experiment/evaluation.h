@@ -58,8 +58,12 @@ struct EvaluationPlan {
     double epsilon = 0;             // probability of a uniformly random action instead of the chosen one
     std::filesystem::path video{};  // an MP4 file of one of the games; empty: none
     std::int64_t filmed_game = 0;
-    double film_minutes = 5;                            // of the game's time
-    std::function<void(const EvaluatedGame&)> ended{};  // called after each game, in the order of their ends
+    double film_minutes = 5;  // of the game's time
+    /// Games that were played before, by their numbers: they count, and are not played again.
+    std::map<std::int64_t, EvaluatedGame> known{};
+    /// Called after each game, in the order of their ends.
+    std::function<void(std::int64_t number, const EvaluatedGame&)> ended{};
+    std::function<void(std::int64_t steps)> stepped{};  // called after so many agent steps, of all games
 };
 
 /// DER's evaluation in Dopamine (DataEfficientAtariRunner): 100 fresh games that begin with 0 to 29

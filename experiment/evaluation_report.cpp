@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/random_play.h"
 #include "experiment/config.h"
 #include "experiment/files.h"
 #include "experiment/versions.h"
@@ -32,6 +33,17 @@ std::string event_shares(const EventCounts& events) {
                             100.0 * static_cast<double>(events[event]) / static_cast<double>(all));
     }
     return text;
+}
+
+/// What a policy that has learned nothing returns in this environment, and how that is known.
+std::string random_play(const EnvConfig& env) {
+    if (const auto play = joystick_random(env)) {
+        return fmt::format("{:.2f} ({:.2f} to {:.2f}), measured with the joystick", play->mean, play->low,
+                           play->high);
+    }
+    if (const auto published = random_floor(env)) return fmt::format("{:.2f}, published", *published);
+    return env.action_space == ActionSpace::continuous ? "not measured with this joystick and these rules"
+                                                       : "there is no random score of this game";
 }
 
 }  // namespace
@@ -64,13 +76,17 @@ std::string evaluation_text(const EvaluationReport& report) {
     line("  median", fmt::format("{:.2f}", summary.median));
     line("  interquartile mean", fmt::format("{:.2f}", summary.interquartile_mean));
     line("  minimum, maximum", fmt::format("{}, {}", summary.minimum, summary.maximum));
-    line("  human-normalised", summary.human_normalised ? fmt::format("{:.4f}", *summary.human_normalised)
-                                                        : "there is no human score of this game");
+    line("  human-normalised",
+         summary.human_normalised
+             ? fmt::format("{:.4f} (0 is the published random score)", *summary.human_normalised)
+             : "there is no human score of this game");
+    line("random play", random_play(plan.env));
     line("events", event_shares(evaluation.events));
     return text;
 }
 
-void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report) {
+void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
+                             const std::string& name) {
     const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
     const ReturnSummary summary = summarise(evaluation, plan.env.game);
     nlohmann::ordered_json env;
@@ -96,11 +112,13 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"interquartile_mean", summary.interquartile_mean},
                                    {"minimum", summary.minimum},
                                    {"maximum", summary.maximum},
-                                   {"human_normalised", nullptr}};
+                                   {"human_normalised", nullptr},
+                                   {"random_play", nullptr}};
     if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
-    write_evaluation(folder / "evaluation.csv", evaluation);
+    if (const auto floor = random_floor(plan.env)) json["random_play"] = *floor;
+    write_evaluation(folder / (name + ".csv"), evaluation);
     // The source is a path, which need not be UTF-8, as JSON must.
-    write_file_atomically(folder / "evaluation.json",
+    write_file_atomically(folder / (name + ".json"),
                           json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 

@@ -22,8 +22,9 @@ struct EvaluationReport {
 /// For the terminal: who played what and how, the statistics of the returns, and what the joystick did.
 std::string evaluation_text(const EvaluationReport& report);
 
-/// Writes evaluation.csv, evaluation_events.csv and evaluation_rewards.csv (write_evaluation), and
-/// evaluation.json with the settings and the statistics, to a folder that is made if need be.
-void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report);
+/// Writes `name`.csv, `name`_events.csv and `name`_rewards.csv (write_evaluation), and at last
+/// `name`.json with the settings and the statistics, to a folder that is made if need be.
+void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
+                             const std::string& name = "evaluation");
 
 }  // namespace cale

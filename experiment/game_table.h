@@ -7,14 +7,16 @@
 
 namespace cale {
 
-/// A row per game: name, number of minimal actions, random and human score, whether it is one of
-/// Atari 100k, the file of its ROM. Empty `rom_dir`: as find_rom() has it. `atari100k`: those 26 alone.
+/// A row per game: name, number of minimal actions, published random score, measured score of random play on
+/// the joystick (protocol 200m), human score, whether it is one of Atari 100k, the file of its ROM. Empty
+/// `rom_dir`: as find_rom() has it. `atari100k`: those 26 alone.
 std::string game_table(const std::string& rom_dir, bool atari100k);
 
 /// The same as CSV:
-/// game,rom,atari100k,random_score,human_score,minimal_action_count,minimal_actions,rom_file. The events of
-/// the minimal set, with spaces between, are asked of the emulator: they are empty, as the file is, where the
-/// ROM is missing. So are the scores of the five games that have none.
+/// game,rom,atari100k,random_score,human_score,joystick_random_200m,joystick_random_atari100k,
+/// minimal_action_count,minimal_actions,rom_file. The events of the minimal set, with spaces between, are
+/// asked of the emulator: they are empty, as the file is, where the ROM is missing. So are the scores of the
+/// five games that have none.
 std::string game_csv(const std::string& rom_dir, bool atari100k);
 
 /// All about one game, a line for each, its events among them.

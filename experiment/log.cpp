@@ -30,19 +30,40 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
     return lines;
 }
 
-/// How long the header and the first `rows` rows of progress.csv are.
-std::int64_t bytes_of_rows(const std::filesystem::path& path, std::int64_t rows) {
-    if (rows == 0) return 0;
+/// progress.csv as it was when it had `rows` rows: without later ones, and without the columns that came with
+/// them, which are the last ones and empty.
+std::string first_rows(const std::filesystem::path& path, std::int64_t rows) {
     const std::string text = read_file(path);
-    const auto lines = whole_lines(text);
+    auto lines = whole_lines(text);
+    if (rows == 0) return "";
     if (std::ssize(lines) < rows + 1 || !lines.front().starts_with(kProgressColumns)) {
         throw std::runtime_error(fmt::format(
             "{} does not have the {} rows that it had when the checkpoint was written: it was cut "
             "or replaced since; restore it, or start a new run",
             path.string(), rows));
     }
-    const auto last = lines[static_cast<std::size_t>(rows)];
-    return last.data() + last.size() + 1 - text.data();
+    lines.resize(static_cast<std::size_t>(rows) + 1);
+    std::vector<std::vector<std::string>> table;
+    std::ptrdiff_t columns = kFixedColumns;
+    for (const auto line : lines) {
+        auto& cells = table.emplace_back(split(line, ','));
+        if (table.size() == 1) continue;  // the header
+        const auto last =
+            std::find_if(cells.rbegin(), cells.rend(), [](auto& cell) { return !cell.empty(); });
+        columns = std::max(columns, cells.rend() - last);
+    }
+    std::string kept;
+    for (auto& cells : table) {
+        cells.resize(static_cast<std::size_t>(columns));
+        kept += fmt::format("{}\n", fmt::join(cells, ","));
+    }
+    return kept;
+}
+
+AppendFile cut_back(const std::filesystem::path& path, std::int64_t rows) {
+    const std::string kept = first_rows(path, rows);
+    write_file_atomically(path, kept);
+    return AppendFile(path, static_cast<std::int64_t>(kept.size()));
 }
 
 }  // namespace
@@ -64,11 +85,13 @@ void EpisodeLog::write(const Episode& episode) {
 }
 
 ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows)
-    : file_(path, rows ? std::optional(bytes_of_rows(path, *rows)) : std::nullopt), rows_(rows.value_or(0)) {
+    : file_(rows ? cut_back(path, *rows) : AppendFile(path)), rows_(rows.value_or(0)) {
     if (rows_ == 0) return;
     const std::string text = read_file(path);
-    names_ = split(whole_lines(text).front(), ',');
+    const auto lines = whole_lines(text);
+    names_ = split(lines.front(), ',');
     names_.erase(names_.begin(), names_.begin() + kFixedColumns);
+    last_step_ = number_in<std::int64_t>(split(lines.back(), ',').front()).value_or(0);
 }
 
 void ProgressLog::write(const Report& report) {
@@ -86,6 +109,7 @@ void ProgressLog::write(const Report& report) {
     }
     file_.write(row + "\n");
     ++rows_;
+    last_step_ = report.global_step;
 }
 
 void ProgressLog::add_columns(const std::vector<std::string>& unseen) {

@@ -71,6 +71,8 @@ class ProgressLog {
     void write(const Report& report);
     /// What a checkpoint records. A count and not an offset, as columns may come in between.
     std::int64_t rows() const { return rows_; }
+    /// The agent step of the last row; 0 where there is none.
+    std::int64_t last_step() const { return last_step_; }
     void sync() { file_.sync(); }
 
   private:
@@ -79,6 +81,7 @@ class ProgressLog {
     AppendFile file_;
     std::vector<std::string> names_;  // of the scalars' columns
     std::int64_t rows_ = 0;
+    std::int64_t last_step_ = 0;
 };
 
 /// The columns of a progress.csv by name; a cell that is empty is not a number.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include <ATen/CPUGeneratorImpl.h>
@@ -51,6 +52,15 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
         fmt::format("this policy chooses among {} joystick events of {}, and {} with env.action_space={} has "
                     "others: only a policy of the continuous joystick or of the full set plays other games",
                     policy.actions.size(), policy.game, env.game, space));
+}
+
+std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env) {
+    const bool asked = std::exchange(env.terminal_on_life_loss, policy.life_loss_ends_episode);
+    if (asked == env.terminal_on_life_loss) return "";
+    return fmt::format(
+        "env.terminal_on_life_loss={} is not applied: as in this policy's training ({}), a lost life {} its "
+        "frame stack; no game ends with a life",
+        asked, env.terminal_on_life_loss, env.terminal_on_life_loss ? "clears" : "does not clear");
 }
 
 Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {

@@ -180,8 +180,8 @@ std::string accepted_changes(const Program& program, const fs::path& run_dir, bo
     }
     std::string different, of_the_games;
     for (const auto& [key, now, before] : changes_since(program, run_dir)) {
-        if (std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) continue;
-        const auto change = fmt::format("{} was {} and is now {}", key, before, now);
+        const auto change = change_of_run(key, before, now, program.schedule_over_run());
+        if (change.empty()) continue;
         different += (different.empty() ? "" : ", ") + change;
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
     }
@@ -217,6 +217,7 @@ void write_metadata(const fs::path& run_dir, const Program& program, const Game&
                                      {"device", device.str()},
                                      {"threads", threads},
                                      {"processes", processes},
+                                     {"schedule_over_run", program.schedule_over_run()},
                                      {"env_id", fmt::format("ALE/{}-v5", game.name)},
                                      {"exp_name", program.agent_name},
                                      {"seed", program.train.seed},
@@ -227,11 +228,12 @@ void write_metadata(const fs::path& run_dir, const Program& program, const Game&
 }
 
 /// metadata.json remembers what was changed in mid-run, and when.
-void add_to_metadata(const fs::path& run_dir, const std::string& changes) {
+void add_to_metadata(const fs::path& run_dir, const Program& program, const std::string& changes) {
     const auto file = run_dir / "metadata.json";
     auto metadata = nlohmann::json::parse(read_file(file), nullptr, false);
     if (!metadata.is_object()) metadata = nlohmann::json::object();
     metadata["accepted_changes"].push_back(fmt::format("{}: {}", utc_now(), changes));
+    metadata["schedule_over_run"] = program.schedule_over_run();
     write_file_atomically(file, metadata.dump(2) + "\n");
 }
 
@@ -286,20 +288,12 @@ int run(const Program& program, int argc, const char* const* argv) {
                        place ? place->local_size : 1);
     at::set_num_threads(threads);
 
-    AgentSpec spec;
-    spec.num_envs = program.env.num_envs / processes.size();
+    AgentSpec spec = spec_of(program.env, program.train);
+    spec.num_envs /= processes.size();
     spec.processes = processes;
     spec.num_actions = count_actions(program.env);
-    spec.total_steps = program.train.total_steps;
-    spec.seed = static_cast<std::uint64_t>(program.train.seed);
     spec.device = device;
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
-    if (program.train.overlap && !agent->learns_from_replay()) {
-        throw ConfigError(
-            fmt::format("train.overlap: {} learns only from the steps of its newest policy, so its "
-                        "environments cannot step while it learns; set train.overlap to false",
-                        program.agent_name));
-    }
     std::optional<RunLock> lock;
     if (processes.first()) {
         if (!line.resume) create_run_dir(run_dir);
@@ -319,7 +313,7 @@ int run(const Program& program, int argc, const char* const* argv) {
     options.resumed = [&] {
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         if (changes.empty()) return;
-        add_to_metadata(run_dir, changes);
+        add_to_metadata(run_dir, program, changes);
         std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
     };
     options.progress_bar = line.progress;

@@ -22,7 +22,8 @@ struct Program {
     EvalConfig& eval;                                                    // section eval
     LogConfig& log;                                                      // section log
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
-    bool several_processes = false;  // can train one agent together: see ProcessGroup
+    bool several_processes = false;                    // can train one agent together: see ProcessGroup
+    std::function<std::string()> schedule_over_run{};  // see AgentSpec
 };
 
 /// Reads the command line, makes or opens the run's folder, trains.
@@ -35,6 +36,13 @@ template <class AgentConfig>
 constexpr bool trains_in_several_processes() {
     if constexpr (requires { AgentConfig::kSeveralProcesses; }) return AgentConfig::kSeveralProcesses;
     return false;
+}
+
+/// The setting by which a schedule of the agent lasts for the whole run; empty: there is none. See AgentSpec.
+template <class AgentConfig>
+std::string find_schedule_over_run(const AgentConfig& config) {
+    if constexpr (requires { schedule_over_run(config); }) return std::string(schedule_over_run(config));
+    return "";
 }
 
 /// The main() of a training program in one call.
@@ -55,6 +63,7 @@ int run_program(const std::string& agent_name, const std::string& description,
         .log = config.log,
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
         .several_processes = trains_in_several_processes<AgentConfig>(),
+        .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
     };
     return run_program(program, argc, argv);
 }

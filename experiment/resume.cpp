@@ -4,6 +4,8 @@
 #include <string_view>
 #include <system_error>
 
+#include <fmt/format.h>
+
 #include "cale/text.h"
 
 namespace cale {
@@ -21,6 +23,14 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
 }
 
 }  // namespace
+
+std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
+                          std::string_view schedule_over_run) {
+    const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();
+    if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
+    return fmt::format("{} was {} and is now {}{}", key, before, now,
+                       scheduled ? fmt::format(", which changes the schedule of {}", schedule_over_run) : "");
+}
 
 std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {
     std::optional<std::int64_t> newest;

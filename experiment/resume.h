@@ -5,11 +5,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace cale {
 
-/// A resumed run may be made longer, and watched in another way; nothing else may differ.
+/// A resumed run may be made longer, unless a schedule lasts for the whole run, and watched in another way;
+/// nothing else may differ.
 inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.total_steps",
                                                                         "train.checkpoint_every",
                                                                         "train.keep_checkpoints",
@@ -22,6 +24,12 @@ inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.t
                                                                         "log.tensorboard",
                                                                         "env.rom_dir",
                                                                         "env.env_threads"};
+
+/// "agent.gamma was 0.99 and is now 0.5"; empty where the setting may differ. `schedule_over_run`: the key of
+/// the setting by which a schedule lasts for the whole run, so that its length is no free choice; empty:
+/// there is none.
+std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
+                          std::string_view schedule_over_run);
 
 /// The largest step that a name in the folder has: step_000250000 and then `ending`. None where there is no
 /// such name, or no folder.

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "agents/agent.h"
 #include "cale/env.h"
 #include "cale/fields.h"
 #include "cale/games.h"
@@ -76,6 +77,17 @@ struct RunConfig {
     LogConfig log;      // section log
 };
 
+/// What the settings alone say of an agent's world: of a game's own set of actions, not how many there are.
+inline AgentSpec spec_of(const EnvConfig& env, const TrainConfig& train) {
+    AgentSpec spec;
+    spec.num_envs = env.num_envs;
+    spec.num_actions = env.action_space == ActionSpace::continuous ? 0 : kEventCount;
+    spec.total_steps = train.total_steps;
+    spec.overlap = train.overlap;
+    spec.seed = static_cast<std::uint64_t>(train.seed);
+    return spec;
+}
+
 /// All settings of a run. The table refers to `config`. AgentConfig::kActionSpace is the action
 /// space that the environment has unless told otherwise.
 template <class AgentConfig>
@@ -88,6 +100,8 @@ ConfigTable settings_of(RunConfig<AgentConfig>& config) {
     table.add("train", config.train);
     table.add("eval", config.eval);
     table.add("log", config.log);
+    if constexpr (requires { check_settings(config.agent, AgentSpec()); })
+        table.add_rule([&config] { check_settings(config.agent, spec_of(config.env, config.train)); });
     return table;
 }
 

@@ -11,6 +11,7 @@
 
 #include "agents/time_split.h"
 #include "cale/games.h"
+#include "cale/random_play.h"
 #include "experiment/checkpoint.h"
 #include "experiment/checkpoint_writer.h"
 #include "experiment/console.h"
@@ -103,6 +104,7 @@ class Run {
                     resumed_ ? std::optional(state_.progress_rows) : std::nullopt),
           checkpoints_(options.run_dir, config.keep_checkpoints,
                        resumed_ ? std::optional(resumed_->stored) : std::nullopt) {
+        reported_ = progress();
         if (log.tensorboard) {
             events_.emplace(options.run_dir, resumed_ ? std::optional(state_.step) : std::nullopt);
             events_->write_hyperparameters(options.hyperparameters);
@@ -143,6 +145,7 @@ class Run {
             stop = agreed_to_stop(options_.processes, meeting);
         }
         if (written_step_ != state_.step) checkpoint();
+        report_the_rest();
         draw_curve();
         checkpoints_.finish();
         if (state_.step < config_.total_steps || !run_evaluation()) {
@@ -150,7 +153,7 @@ class Run {
                                          state_.step, options_.run_dir.string()));
             return Outcome::interrupted;
         }
-        console_.finish(progress(), fmt::format("Results: {}", options_.run_dir.string()));
+        console_.finish(reported_, fmt::format("Results: {}", options_.run_dir.string()));
         return Outcome::finished;
     }
 
@@ -232,12 +235,22 @@ class Run {
                 .values = shown_};
     }
 
-    void report() {
+    /// The steps since the last row. After the checkpoint, which does not count this row: a run that is
+    /// resumed from it has the rows that it would have without the interruption.
+    void report_the_rest() {
+        if (state_.step <= progress_.last_step()) return;
+        // TensorBoard cannot forget a value of the step that a run is resumed from.
+        report(/*to_tensorboard=*/state_.step >= config_.total_steps);
+        progress_.sync();
+    }
+
+    void report(bool to_tensorboard = true) {
         const double seconds = stopwatch_.seconds();
         const double steps_per_second = speed_.read(state_.step, seconds);
         auto metrics = newest_metrics();
+        // Nothing was measured where a run is resumed at its end.
         for (const auto& [name, part] : TimeSplit::kParts)
-            metrics[fmt::format("time/{}", name)] = time_.*part / time_.total();
+            if (time_.total() > 0) metrics[fmt::format("time/{}", name)] = time_.*part / time_.total();
         time_ = {};
         shown_.clear();
         for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
@@ -250,11 +263,12 @@ class Run {
                          .seconds = seconds,
                          .steps_per_second = steps_per_second,
                          .scalars = metrics});
-        if (events_) {
+        if (events_ && to_tensorboard) {
             metrics["charts/SPS"] = steps_per_second;
             events_->write(state_.step, metrics);
         }
-        console_.report(progress());
+        reported_ = progress();
+        console_.report(reported_);
         speed_ = {state_.step, seconds};
     }
 
@@ -329,7 +343,7 @@ class Run {
         if (history.steps.empty()) return;
         const Game& game = find_game(env_config_.game);
         std::vector<ReferenceScore> references;
-        if (game.random_score) references.push_back({"random", *game.random_score});
+        if (const auto floor = random_floor(env_config_)) references.push_back({"random", *floor});
         if (game.human_score) references.push_back({"human", *game.human_score});
         const Picture picture =
             learning_curve(history, fmt::format("{} on {}", options_.agent_name, env_id_), references);
@@ -357,6 +371,7 @@ class Run {
     ProgressLog progress_;
     std::optional<EventFile> events_;
     std::vector<std::pair<std::string, double>> shown_;
+    Progress reported_;               // newest
     std::int64_t written_step_ = -1;  // of the newest checkpoint of this sitting
     CheckpointWriter checkpoints_;
 };

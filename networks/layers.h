@@ -35,9 +35,10 @@ class DenseImpl : public torch::nn::Module {
 using Dense = torch::nn::ModuleHolder<DenseImpl>;
 
 /// The standard normal numbers of one pass through a noisy layer, drawn per feature and not per
-/// weight: input [in], output [out]. One draw serves the whole batch.
+/// weight: input [in], output [out] for the whole batch, or input [B, in], output [B, out] with a draw
+/// for each row.
 struct FactorisedNoise {
-    torch::Tensor input, output;  // [in] and [out]
+    torch::Tensor input, output;  // [in] and [out], or [B, in] and [B, out]
 };
 
 /// A dense layer whose weights are noisy (Fortunato et al. 2018, "Noisy Networks for Exploration",

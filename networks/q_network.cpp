@@ -46,10 +46,11 @@ torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* no
     return value + out - out.mean(1, /*keepdim=*/true);
 }
 
-QNoise QHeadImpl::draw_noise(at::Generator generator) const {
+QNoise QHeadImpl::draw_noise(at::Generator generator, std::int64_t rows) const {
     if (!config_.noisy) return {};
     const auto normal = [&](std::int64_t size) {
-        return torch::randn({size}, generator, generator.device());
+        const auto shape = rows == 1 ? std::vector{size} : std::vector{rows, size};
+        return torch::randn(shape, generator, generator.device());
     };
     const auto shared = normal(config_.hidden_units);
     return {{normal(in_), normal(config_.hidden_units)},

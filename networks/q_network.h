@@ -43,8 +43,9 @@ class QHeadImpl : public torch::nn::Module {
     /// without.
     torch::Tensor forward(const torch::Tensor& features, const QNoise* noise = nullptr);
 
-    /// Drawn on the CPU, float32; empty unless noisy.
-    QNoise draw_noise(at::Generator generator) const;
+    /// One draw for a whole batch, [size] each, or one for each of `rows` rows, [rows, size] each. Float32,
+    /// on the generator's device; empty unless noisy.
+    QNoise draw_noise(at::Generator generator, std::int64_t rows = 1) const;
 
   private:
     /// A layer that is either plain or noisy.

@@ -113,6 +113,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
         scene.event = result.event;
         scene.episode_return = game.episode_return;
         const Command command = show.present(env, scene);
+        if (plan.stepped) plan.stepped(game);
         if (command != Command::none) return command;
     }
     if (plan.ended) plan.ended(game);

@@ -31,6 +31,7 @@ struct PlayPlan {
     double speed = 1;                              // times that of the console; 0: as fast as it goes
     std::filesystem::path video{};                 // an MP4 file of all that is shown; empty: none
     std::function<void(const EvaluatedGame& game)> ended{};  // called after each game that came to its end
+    std::function<void(const EvaluatedGame& so_far)> stepped{};  // called after each agent step
 };
 
 /// Plays game after game, a picture per agent step. While it is paused nothing is filmed.

@@ -173,10 +173,10 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
         const double height = std::clamp(y(reference.score), kTop, kBottom);
         const double baseline = std::max(height + 4, lowest_free);
         lowest_free = baseline + 15;
-        picture.words.push_back({fmt::format("{} {:g}", reference.label, reference.score),
-                                 {right + 8, baseline},
-                                 kReference,
-                                 12});
+        // One decimal, as scores are published.
+        const double shown = std::round(10 * reference.score) / 10 + 0.0;
+        picture.words.push_back(
+            {fmt::format("{} {:g}", reference.label, shown), {right + 8, baseline}, kReference, 12});
         if (fits(reference.score)) {
             picture.lines.push_back({{{kLeft, height}, {right, height}}, kReference, 1.2, true});
         } else {

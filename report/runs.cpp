@@ -108,11 +108,11 @@ void read_training(Run& run, const EpisodeHistory& episodes) {
         episodes.steps, [&](double step) { return step == last || step > last - iteration; });
 }
 
-/// The files eval/step_*SUFFIX, oldest first.
+/// The files step_*SUFFIX of a folder, oldest first.
 std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view suffix) {
     std::vector<fs::path> files;
-    if (!fs::is_directory(folder / "eval")) return files;
-    for (const auto& entry : fs::directory_iterator(folder / "eval")) {
+    if (!fs::is_directory(folder)) return files;
+    for (const auto& entry : fs::directory_iterator(folder)) {
         const auto name = entry.path().filename().string();
         if (!name.starts_with("step_") || !name.ends_with(suffix)) continue;
         const auto digits = std::string_view(name).substr(5, name.size() - 5 - suffix.size());
@@ -126,9 +126,58 @@ std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view 
     return files;
 }
 
-void read_evaluations(Run& run) {
-    const auto files = evaluation_files(run.folder, ".csv");
-    if (files.empty()) throw std::runtime_error("it has no evaluation (eval/step_*.csv)");
+struct Evaluations {
+    fs::path folder{};
+    std::string protocol = "the run's own";
+};
+
+/// "protocol fixed_episodes, games 100, epsilon 0.001, ..."; none where another game was played.
+std::optional<std::string> read_protocol(const fs::path& path) {
+    std::ifstream file(path);
+    const auto json = nlohmann::ordered_json::parse(file, nullptr, false);
+    if (!json.is_object()) throw std::runtime_error(path.string() + " is damaged: it is no JSON object");
+    std::string text;
+    for (const auto& [name, value] : json.items()) {
+        if (name == "settings" && value.contains("env.game")) return std::nullopt;
+        if (value.is_null() || value.empty()) continue;
+        text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name,
+                            value.is_string() ? value.get<std::string>() : value.dump());
+    }
+    return text;
+}
+
+/// Those that `cale evaluate` made of a folder of runs: the ones of the newest checkpoint, of several the
+/// ones with the most games. Else those that the run made itself.
+Evaluations evaluations_of(const fs::path& run) {
+    Evaluations best{.folder = run / "eval"};
+    std::pair<std::size_t, std::string> best_step;
+    std::size_t most_games = 0;
+    if (!fs::is_directory(run / "evaluations")) return best;
+    const fs::directory_iterator entries(run / "evaluations");
+    const std::set<fs::path> folders(begin(entries), end(entries));
+    for (const auto& folder : folders) {
+        const auto files = evaluation_files(folder, ".csv");
+        if (files.empty()) continue;
+        const auto name = files.back().filename().string();
+        const std::pair step(name.size(), name);
+        const auto games = read_csv(files.back()).rows.size();
+        if (std::pair(step, games) <= std::pair(best_step, most_games)) continue;
+        const auto protocol = read_protocol(folder / "protocol.json");
+        if (!protocol) continue;
+        best = {folder, *protocol};
+        best_step = step;
+        most_games = games;
+    }
+    return best;
+}
+
+void read_evaluations(Run& run, const Evaluations& evaluations) {
+    const auto files = evaluation_files(evaluations.folder, ".csv");
+    if (files.empty())
+        throw std::runtime_error(
+            "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
+            "runs");
+    run.settings["evaluation"] = evaluations.protocol;
     for (const auto& path : files) {
         const auto table = read_csv(path);
         const auto column = table.find("return");
@@ -198,10 +247,11 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     const auto episodes = read_episodes(folder / "episodes.csv");
     if (fs::exists(folder / "config.yaml")) run.settings = read_settings(folder / "config.yaml");
     read_identity(run, episodes);
+    const auto evaluations = evaluations_of(folder);
     if (kind == ScoreKind::training) {
         read_training(run, episodes);
     } else {
-        read_evaluations(run);
+        read_evaluations(run, evaluations);
     }
     run.finished = reached_end(folder, episodes.steps.empty() ? 0 : episodes.steps.back(), run.settings);
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
@@ -209,10 +259,10 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     if (kind == ScoreKind::training) {
         if (const auto file = folder / "joystick_events.csv"; fs::exists(file))
             run.event_shares = read_event_shares(file);
-    } else if (const auto files = evaluation_files(folder, "_events.csv"); !files.empty()) {
+    } else if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty()) {
         run.event_shares = read_event_shares(files.back());
     }
-    if (const auto files = evaluation_files(folder, "_rewards.csv"); !files.empty())
+    if (const auto files = evaluation_files(evaluations.folder, "_rewards.csv"); !files.empty())
         run.reward_quantiles = read_reward_quantiles(files.back());
     return run;
 }

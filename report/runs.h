@@ -13,7 +13,9 @@ namespace cale {
 
 /// training: the mean return of the games that ended in the newest iteration of training, exploration and
 /// all, which is what the paper reports; an iteration is a tenth of the run, 250,000 agent steps at most, as
-/// in Dopamine's protocols. evaluation: the mean return of an evaluation (eval/step_*.csv).
+/// in Dopamine's protocols. evaluation: the mean return of an evaluation: of those that `cale evaluate` made
+/// of a folder of runs (evaluations/*/step_*.csv), else of the run's own (eval/step_*.csv). Which, and by
+/// which protocol, is its setting `evaluation`, so that runs that were evaluated in different ways differ.
 enum class ScoreKind { training, evaluation };
 
 struct RewardQuantile {

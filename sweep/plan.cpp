@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <map>
+#include <memory>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -23,6 +24,8 @@ namespace {
 
 /// What a run takes beside its replay: LibTorch, networks, optimisers and a batch at work.
 constexpr std::int64_t kMemoryOfProcess = 900'000'000;
+/// Configurations that a program is asked about in one command line, which the system limits to 128 kB.
+constexpr std::size_t kGroupsAtOnce = 50;
 /// A stored transition: a frame of 84 x 84, the action, the reward and the bookkeeping.
 constexpr std::int64_t kMemoryOfTransition = 7'400;
 
@@ -54,29 +57,61 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
                                                 : fmt::format("did you mean '{}'?", guess)));
 }
 
-/// A program's objection. One to a setting that the sweep's file has names the place there in the stead of
-/// the option by which the program was told.
-std::string objection(const Sweep& sweep, const std::string& sentence) {
+/// A program's objection to a run. One to a setting that the sweep's file has names the place there in the
+/// stead of the option by which the program was told; one to what several settings come to names the run.
+std::string objection(const Sweep& sweep, const std::string& run, const std::string& sentence) {
     constexpr std::string_view option = ": --set ";
     const auto at = sentence.find(option);
-    if (at != sentence.npos) {
-        const auto told = std::string_view(sentence).substr(at + option.size());
-        for (const auto& [setting, place] : sweep.places) {
-            if (told.starts_with(setting + ": "))
-                return fmt::format("{}: {}{}", place, sentence.substr(0, at), told.substr(setting.size()));
-        }
+    if (at == sentence.npos) return fmt::format("{}: {}: {}", sweep.name, run, sentence);
+    const auto told = std::string_view(sentence).substr(at + option.size());
+    for (const auto& [setting, place] : sweep.places) {
+        if (told.starts_with(setting + ": "))
+            return fmt::format("{}: {}{}", place, sentence.substr(0, at), told.substr(setting.size()));
     }
     return fmt::format("{}: {}", sweep.name, sentence);
 }
 
-/// What the program would run with, as YAML; ConfigError with its own sentence if it objects.
-std::string printed_config(const Sweep& sweep, std::vector<std::string> command) {
+/// Runs that differ in their game and seed alone, and what their program makes of their settings.
+struct RunGroup {
+    std::vector<std::string> assignments;  // without game and seed
+    std::string example;                   // the name of one of them
+    std::shared_ptr<const SettingTexts> settings{};
+};
+
+/// The documents that --print-config has printed, one for every configuration until one was wrong.
+std::vector<std::string> documents(const std::string& printed) {
+    constexpr std::string_view line = "\n---\n";
+    std::vector<std::string> texts;
+    std::size_t begin = 0;
+    for (auto end = printed.find(line); end != printed.npos; end = printed.find(line, begin)) {
+        texts.push_back(printed.substr(begin, end - begin));
+        begin = end + line.size();
+    }
+    if (begin < printed.size()) texts.push_back(printed.substr(begin));
+    return texts;
+}
+
+/// Asks the program for the settings of these groups, all at once, as LibTorch takes its time to load.
+/// Throws ConfigError with the program's own sentence where it objects.
+void print_configs(const Sweep& sweep, std::vector<std::string> command, std::span<RunGroup> groups) {
     command.emplace_back("--print-config");
+    for (const auto& group : groups) {
+        if (&group != &groups.front()) command.emplace_back("--or");
+        command.insert(command.end(), group.assignments.begin(), group.assignments.end());
+    }
     const auto text = shell_text(command);
     const auto answer = answer_of(text + " 2>/dev/null");
-    if (answer.status == 0) return answer.text;
-    const auto sentence = without_line_end(answer_of(text + " 2>&1 >/dev/null").text);
-    throw ConfigError(objection(sweep, sentence.empty() ? text + " fails" : sentence));
+    const auto printed = documents(answer.text);
+    if (answer.status != 0) {
+        const auto sentence = without_line_end(answer_of(text + " 2>&1 >/dev/null").text);
+        throw ConfigError(objection(sweep, groups[std::min(printed.size(), groups.size() - 1)].example,
+                                    sentence.empty() ? text + " fails" : sentence));
+    }
+    if (printed.size() != groups.size())
+        throw ConfigError(fmt::format("{}: {} prints {} configurations, not {}: it is of another version",
+                                      sweep.name, command.front(), printed.size(), groups.size()));
+    for (std::size_t i = 0; i < groups.size(); ++i)
+        groups[i].settings = std::make_shared<SettingTexts>(settings_in(printed[i]));
 }
 
 /// A program and the configuration file that it reads, if any.
@@ -86,6 +121,37 @@ Base base_of(const fs::path& program, const SweepRun& run) {
     Base base = {program.string()};
     if (!run.config.empty()) base.insert(base.end(), {"--config", run.config.string()});
     return base;
+}
+
+/// The runs of a base.
+struct BaseRuns {
+    std::vector<RunGroup> groups;           // in the order of the sweep
+    std::set<std::string> games_and_seeds;  // assignments, of all groups
+};
+
+bool is_game_or_seed(const Setting& setting) {
+    return setting.key == "env.game" || setting.key == "train.seed";
+}
+
+std::vector<std::string> assignments_of_group(const SweepRun& run) {
+    std::vector<std::string> assignments;
+    for (const auto& setting : run.settings) {
+        if (!is_game_or_seed(setting)) assignments.push_back(assignment(setting));
+    }
+    return assignments;
+}
+
+void add_run(const SweepRun& run, BaseRuns& runs) {
+    for (const auto& setting : run.settings) {
+        if (is_game_or_seed(setting)) runs.games_and_seeds.insert(assignment(setting));
+    }
+    auto assignments = assignments_of_group(run);
+    if (std::ranges::find(runs.groups, assignments, &RunGroup::assignments) == runs.groups.end())
+        runs.groups.push_back({.assignments = std::move(assignments), .example = run.name});
+}
+
+const RunGroup& group_of(const SweepRun& run, const BaseRuns& runs) {
+    return *std::ranges::find(runs.groups, assignments_of_group(run), &RunGroup::assignments);
 }
 
 void check_rom(const SweepRun& run, const std::string& rom_dir) {
@@ -109,27 +175,29 @@ const std::string* planned_value(const PlannedRun& planned, std::string_view key
 
 std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
     std::map<std::string, fs::path> programs;
-    std::map<Base, std::set<std::string>> settings;
+    std::map<Base, BaseRuns> bases;
     for (const auto& run : sweep.runs) {
         if (!programs.contains(run.agent)) programs[run.agent] = find_program(run.agent, folder);
-        auto& of_base = settings[base_of(programs[run.agent], run)];
-        for (const auto& setting : run.settings) of_base.insert(assignment(setting));
+        add_run(run, bases[base_of(programs[run.agent], run)]);
     }
-
-    std::map<Base, std::shared_ptr<const SettingTexts>> bases;
-    for (const auto& [base, assignments] : settings) {
-        bases[base] = std::make_shared<SettingTexts>(settings_in(printed_config(sweep, base)));
-        // The values of all runs are checked in one go: a program reads its arguments in order.
+    for (auto& [base, runs] : bases) {
         auto command = base;
-        command.insert(command.end(), assignments.begin(), assignments.end());
-        static_cast<void>(printed_config(sweep, std::move(command)));
+        // All games and seeds are checked in one go: a program reads its arguments in order.
+        command.insert(command.end(), runs.games_and_seeds.begin(), runs.games_and_seeds.end());
+        // The length of a command is limited.
+        for (std::size_t first = 0; first < runs.groups.size(); first += kGroupsAtOnce)
+            print_configs(sweep, command,
+                          std::span(runs.groups)
+                              .subspan(first)
+                              .first(std::min(kGroupsAtOnce, runs.groups.size() - first)));
     }
 
     std::set<std::pair<std::string, std::string>> roms;
     std::vector<PlannedRun> planned;
     for (const auto& run : sweep.runs) {
         const auto& program = programs.at(run.agent);
-        PlannedRun next{.run = run, .program = program, .base = bases.at(base_of(program, run))};
+        PlannedRun next{
+            .run = run, .program = program, .base = group_of(run, bases.at(base_of(program, run))).settings};
         const auto* rom_dir = planned_value(next, "env.rom_dir");
         const auto rom = std::pair(run.game, rom_dir != nullptr ? *rom_dir : "");
         if (roms.insert(rom).second) check_rom(run, rom.second);

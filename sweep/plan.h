@@ -21,15 +21,17 @@ struct PlannedRun {
     std::int64_t total_steps = 0;   // agent steps
     bool evaluates = true;          // whether the run ends with an evaluation
     std::int64_t memory = 0;  // bytes that it will take, estimated: the replay once it is full, and the rest
-    // All settings of its configuration file and its program, which many runs share; run.settings go before.
+    // All settings as its program prints them, which runs share that differ in game and seed alone;
+    // run.settings go before.
     std::shared_ptr<const SettingTexts> base{};
 };
 
 /// What a setting of the run is to be; nullptr where its program has no such setting.
 const std::string* planned_value(const PlannedRun& planned, std::string_view key);
 
-/// Asks the program of every agent for its settings, which it checks: keys, types and ranges. Looks for
-/// the programs in `folder`, then on the PATH, and for the ROM of every game.
+/// Asks the program of every agent for the settings of every run, which it checks: keys, types, ranges, and
+/// whether they fit together. Looks for the programs in `folder`, then on the PATH, and for the ROM of every
+/// game.
 /// Throws ConfigError, one sentence, for the first thing that is wrong: nothing has been started then.
 std::vector<PlannedRun> plan(const Sweep& sweep, const std::filesystem::path& folder);
 

@@ -1,11 +1,12 @@
 #include "sweep/refusal.h"
 
-#include <algorithm>
 #include <cstdint>
 #include <exception>
+#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "experiment/files.h"
 #include "experiment/resume.h"
@@ -16,23 +17,44 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// `trained_steps`: agent steps of the run's newest checkpoint.
-bool differs(const std::string& key, const std::string& trained, const std::string& planned,
-             std::int64_t trained_steps) {
-    // A run can be made longer, and shorter as long as it has not gone further.
-    if (key == "train.total_steps")
-        return integer_in(planned) < integer_in(trained) && integer_in(planned) < trained_steps;
-    return std::ranges::find(kMayDifferOnResume, key) == kMayDifferOnResume.end() &&
-           !same_value(trained, planned);
+/// What has been trained in a folder.
+struct Trained {
+    SettingTexts settings;
+    std::int64_t steps = 0;         // agent steps of the newest checkpoint
+    std::string schedule_over_run;  // see AgentSpec
+};
+
+/// The program that trained the run knows what its schedules depend on. One of an older version did not say:
+/// then it objects when it is to go on.
+std::string schedule_over_run(const fs::path& folder) {
+    std::error_code error;
+    if (!fs::exists(folder / "metadata.json", error)) return "";
+    const auto metadata = nlohmann::json::parse(read_file(folder / "metadata.json"), nullptr, false);
+    if (!metadata.is_object() || !metadata.contains("schedule_over_run")) return "";
+    const auto& schedule = metadata["schedule_over_run"];
+    return schedule.is_string() ? schedule.get<std::string>() : "";
 }
 
-/// "agent.loss was huber and is now mse, ..."; empty where nothing differs.
-std::string changes(const PlannedRun& planned, const SettingTexts& trained, std::int64_t trained_steps) {
+/// "agent.loss was huber and is now mse"; empty where the setting does not differ, or may.
+std::string change(const std::string& key, const std::string& before, const std::string& now,
+                   const Trained& trained) {
+    if (same_value(before, now)) return "";
+    auto text = change_of_run(key, before, now, trained.schedule_over_run);
+    // A run can be made shorter as long as it has not gone further.
+    if (text.empty() && key == "train.total_steps" && integer_in(now) < integer_in(before) &&
+        integer_in(now) < trained.steps)
+        text = fmt::format("{} was {} and is now {}", key, before, now);
+    return text;
+}
+
+/// All of them, as a list for a sentence.
+std::string changes(const PlannedRun& planned, const Trained& trained) {
     std::string text;
-    for (const auto& [key, before] : trained) {
+    for (const auto& [key, before] : trained.settings) {
         const auto* now = planned_value(planned, key);
-        if (now == nullptr || !differs(key, before, *now, trained_steps)) continue;
-        text += fmt::format("{}{} was {} and is now {}", text.empty() ? "" : ", ", key, before, *now);
+        if (now == nullptr) continue;
+        const auto different = change(key, before, *now, trained);
+        if (!different.empty()) text += (text.empty() ? "" : ", ") + different;
     }
     return text;
 }
@@ -43,7 +65,9 @@ std::string refusal(const PlannedRun& planned, const fs::path& folder) {
     const auto step = newest_checkpoint(folder);
     if (!step) return "";
     try {
-        const auto text = changes(planned, settings_in(read_file(folder / "config.yaml")), *step);
+        const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),
+                                            .steps = *step,
+                                            .schedule_over_run = schedule_over_run(folder)});
         if (text.empty()) return "";
         return fmt::format(
             "trained with other settings: {}; give the sweep another --dir, or take the change back", text);

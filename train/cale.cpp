@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
     int exit_code = 0;
     cale::add_bench(app);
     cale::add_completion(app);
-    cale::add_evaluate(app);
+    cale::add_evaluate(app, exit_code);
     cale::add_export(app);
     cale::add_games(app);
     cale::add_map(app);

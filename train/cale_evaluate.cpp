@@ -3,21 +3,29 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
-
-#include <unistd.h>
 
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
 #include <torch/cuda.h>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "experiment/command_line.h"
 #include "experiment/config.h"
+#include "experiment/console.h"
+#include "experiment/evaluation_progress.h"
 #include "experiment/evaluation_report.h"
 #include "experiment/export.h"
+#include "experiment/failure.h"
 #include "experiment/policy_evaluation.h"
+#include "experiment/resume.h"
+#include "experiment/run_evaluations.h"
+#include "experiment/run_lock.h"
 #include "train/commands.h"
 #include "train/usage.h"
 
@@ -49,6 +57,8 @@ EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
     set_environment(env, options.settings);
     env.game = find_game(env.game).rom;
+    if (const auto kept = keep_life_loss(policy, env); !kept.empty())
+        std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
     return env;
 }
 
@@ -85,54 +95,173 @@ fs::path make_folder(const Options& options, const PolicyInfo& policy, const Env
     return folder;
 }
 
-void run(const Options& options) {
-    at::set_num_threads(options.threads);
-    const Policy policy = policy_of(options.policy, find_device(options.device, torch::cuda::device_count()));
-    const PolicyInfo& info = policy.info();
-    EvaluationPlan plan =
-        plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
-    require_playable(info, plan.env);
-    const bool sampled = options.sampled || (info.evaluation_samples && !options.greedy);
-    const fs::path folder = make_folder(options, info, plan.env);
-    if (options.video) plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);
+/// A policy, and what it is to play.
+struct Task {
+    Policy policy;
+    EvaluationPlan plan;
+    bool sampled = false;
+};
 
-    std::int64_t ended = 0;
-    double sum = 0;
-    if (isatty(STDERR_FILENO) != 0) {
-        plan.ended = [&](const EvaluatedGame& game) {
-            sum += game.episode_return;
-            ++ended;
-            std::fputs(fmt::format("\r{} game{}, mean return {:.1f}", ended, ended == 1 ? "" : "s",
-                                   sum / static_cast<double>(ended))
-                           .c_str(),
-                       stderr);
-        };
-    }
-    const Evaluation evaluation = evaluate(decide_by(policy, sampled, options.seed), plan);
-    if (ended > 0) std::fputs("\r\033[K", stderr);
+Task task_of(const Options& options, const fs::path& path, torch::Device device) {
+    Task task{.policy = policy_of(path, device), .plan = {}};
+    const PolicyInfo& info = task.policy.info();
+    task.plan = plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
+    require_playable(info, task.plan.env);
+    task.sampled = options.sampled || (info.evaluation_samples && !options.greedy);
+    return task;
+}
 
-    const EvaluationReport report{.source = options.policy,
-                                  .protocol = options.protocol,
-                                  .sampled = sampled,
-                                  .policy = info,
-                                  .plan = plan,
-                                  .evaluation = evaluation};
+Evaluation play(const Options& options, const Task& task) {
+    return evaluate(decide_by(task.policy, task.sampled, options.seed), task.plan);
+}
+
+EvaluationReport report_of(const Options& options, const Task& task, const std::string& source,
+                           const Evaluation& evaluation) {
+    return {.source = source,
+            .protocol = options.protocol,
+            .sampled = task.sampled,
+            .policy = task.policy.info(),
+            .plan = task.plan,
+            .evaluation = evaluation};
+}
+
+void evaluate_policy(const Options& options, torch::Device device) {
+    Task task = task_of(options, options.policy, device);
+    const fs::path folder = make_folder(options, task.policy.info(), task.plan.env);
+    if (options.video) task.plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);
+    Console console(stderr);
+    EvaluationProgress progress(console, task.plan);
+    const Evaluation evaluation = play(options, task);
+    console.clear();
+    const EvaluationReport report = report_of(options, task, options.policy, evaluation);
     write_evaluation_report(folder, report);
     std::fputs(evaluation_text(report).c_str(), stdout);
     std::fputs(fmt::format("{:<20}  {}\n", "written to", folder.string()).c_str(), stdout);
 }
 
+// ---- many runs ------------------------------------------------------------------------
+
+EvaluationProtocol protocol_of(const Options& options) {
+    EnvConfig env;
+    set_environment(env, options.settings);
+    const EvaluationPlan plan = plan_of(options, env, 1);
+    EvaluationProtocol protocol{.name = options.protocol,
+                                .games = plan.games,
+                                .steps = plan.steps,
+                                .epsilon = plan.epsilon,
+                                .seed = options.seed,
+                                .choice = options.greedy ? "greedy" : (options.sampled ? "sampled" : "own")};
+    if (options.noop_max || options.protocol == "fixed_episodes") protocol.noop_max = plan.env.noop_max;
+    ConfigTable table;
+    table.add("env", env);
+    for (const auto& setting : options.settings) {
+        const auto key = setting.substr(0, setting.find('='));
+        protocol.settings[key] = key == "env.game" ? find_game(env.game).rom : table.at(key).get();
+    }
+    for (const auto* without_effect : {"env.rom_dir", "env.env_threads", "env.num_envs"})
+        protocol.settings.erase(without_effect);
+    return protocol;
+}
+
+/// Plays what is left to play of the games of a run's newest checkpoint.
+EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& protocol, Task task,
+                              const fs::path& run, Console& console, const std::string& title) {
+    const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
+    const auto folder = evaluations_folder(run, protocol);
+    const auto name = evaluation_name(steps);
+    if (const auto result = evaluation_result(folder, steps)) return *result;
+    make_evaluations_folder(folder, protocol);
+    if (RunLock::is_taken(folder)) throw std::runtime_error("another process is evaluating it");
+    const RunLock lock(folder);
+    const auto partial = folder / (name + ".partial");
+    PlayedGames played(partial);
+    task.plan.known = played.known();
+    task.plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { played.write(number, game); };
+    EvaluationProgress progress(console, task.plan, title);
+    const Evaluation evaluation = play(options, task);
+    write_evaluation_report(folder, report_of(options, task, run.string(), evaluation), name);
+    fs::remove(partial);
+    return evaluation_result(folder, steps).value();
+}
+
+/// Returns the exit code.
+int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, torch::Device device) {
+    for (const auto* option :
+         {options.out.empty() ? nullptr : "--out", options.video ? "--video" : nullptr}) {
+        if (option == nullptr) continue;
+        throw ConfigError(
+            fmt::format("{}: {} holds runs, whose evaluations are written into their own folders, without "
+                        "films; leave {} out, or name one of the runs, such as {}",
+                        option, options.policy, option, runs.front().string()));
+    }
+    const EvaluationProtocol protocol = protocol_of(options);
+    std::vector<EvaluationRow> rows;
+    std::size_t evaluated = 0;
+    for (const auto& run : runs) {
+        auto& row = rows.emplace_back(run.lexically_relative(options.policy).string());
+        if (const auto steps = newest_step(run / "checkpoints", ""))
+            row.result = evaluation_result(evaluations_folder(run, protocol), *steps);
+        evaluated += row.result ? 1 : 0;
+    }
+    Console console(stderr);
+    const std::pair<std::string, std::string> facts[] = {
+        {"runs", fmt::format("{}, {} of them evaluated already", runs.size(), evaluated)},
+        {"written to", fmt::format("{} in the folder of each",
+                                   evaluations_folder(".", protocol).lexically_normal().string())}};
+    console.header(fmt::format("Evaluating {} by {}", options.policy, options.protocol), facts);
+    int exit_code = 0;
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+        auto& row = rows[i];
+        if (row.result) continue;
+        const auto number = fmt::format("{}/{}", i + 1, runs.size());
+        try {
+            row.result = evaluate_run(options, protocol, task_of(options, runs[i], device), runs[i], console,
+                                      "run " + number);
+            console.message(
+                fmt::format("[{}] {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}", number,
+                            row.run, row.result->mean, row.result->standard_deviation, row.result->games,
+                            row.result->games == 1 ? "" : "s"));
+        } catch (const std::exception& error) {
+            row.failure = failure_sentence(error);
+            console.message(fmt::format("[{}] {}: {}", number, row.run, row.failure));
+            exit_code = 1;
+        }
+    }
+    std::fputs(evaluation_table(rows).c_str(), stdout);
+    return exit_code;
+}
+
+/// The runs that lie in the folder that the user named; none where that is a run, a checkpoint or no folder.
+std::vector<fs::path> runs_in(const fs::path& path) {
+    std::error_code ignored;
+    const bool one =
+        fs::exists(path / "agent.safetensors", ignored) || fs::exists(path / "config.yaml", ignored);
+    return one || !fs::is_directory(path, ignored) ? std::vector<fs::path>() : run_folders(path);
+}
+
+int run(const Options& options) {
+    at::set_num_threads(options.threads);
+    const torch::Device device = find_device(options.device, torch::cuda::device_count());
+    const auto runs = runs_in(options.policy);
+    if (!runs.empty()) return evaluate_runs(options, runs, device);
+    evaluate_policy(options, device);
+    return 0;
+}
+
 }  // namespace
 
-void add_evaluate(CLI::App& app) {
+void add_evaluate(CLI::App& app, int& exit_code) {
     auto& command = *app.add_subcommand("evaluate",
                                         "Plays games with a trained policy, without learning, and says "
                                         "what they returned. The environment is the one it was trained "
-                                        "in, unless --set changes it.");
+                                        "in, unless --set changes it. Of a folder that holds runs, such as "
+                                        "a sweep's, it evaluates every run.");
     const auto options = std::make_shared<Options>();
     command
-        .add_option("POLICY", options->policy,
-                    "a policy file, a checkpoint's folder, or a run's: its newest checkpoint")
+        .add_option(
+            "POLICY", options->policy,
+            "a policy file, a checkpoint's folder, or a run's: its newest checkpoint; or a folder that "
+            "holds runs")
         ->required()
         ->type_name("FILE");
     command
@@ -200,15 +329,21 @@ void add_evaluate(CLI::App& app) {
         "joystick event),\n"
         "evaluation_rewards.csv (quantiles of the rewards), evaluation.json (settings and statistics), "
         "episode_N.mp4.\n"
+        "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
+        "evaluation "
+        "reads\n"
+        "them. What was evaluated by the same protocol is not played again; after a kill the same command "
+        "continues.\n"
         "\n"
         "Examples:\n"
         "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
         "  cale evaluate breakout.safetensors --episodes 10 --epsilon 0 --noop-max 0\n"
         "  cale evaluate runs/a/checkpoints/step_000100000 --protocol fixed_steps --set "
         "env.sticky_probability=0.25\n"
+        "  cale evaluate runs/encoders\n"
         "\n"
-        "Exit codes: 0 done, 1 failed, 2 usage.");
-    command.callback([options] { run(*options); });
+        "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage.");
+    command.callback([options, &exit_code] { exit_code = run(*options); });
 }
 
 }  // namespace cale

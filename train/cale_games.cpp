@@ -31,7 +31,8 @@ void add_games(CLI::App& app) {
     auto& command =
         *app.add_subcommand("games",
                             "Lists the 60 games: how many actions each tells apart, the scores that "
-                            "returns are normalised with, which belong to Atari 100k, which ROM is there.");
+                            "returns are normalised with, what random play on the joystick scores, which "
+                            "belong to Atari 100k, which ROM is there.");
     const auto options = std::make_shared<Options>();
     auto* game =
         command.add_option("GAME", options->game, "tell all about this one: pong, Pong or ALE/Pong-v5")

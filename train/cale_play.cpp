@@ -1,5 +1,7 @@
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +12,7 @@
 
 #include "cale/games.h"
 #include "experiment/config.h"
+#include "experiment/console.h"
 #include "experiment/export.h"
 #include "experiment/policy_evaluation.h"
 #include "play/session.h"
@@ -57,11 +60,21 @@ PlayPlan plan_of(const Options& options) {
             throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");
         return plan;
     }
+    if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
+        std::fputs(fmt::format("cale play: {}\n", kept).c_str(), stderr);
     require_playable(policy->info(), plan.env);
     plan.stack_depth = static_cast<std::size_t>(policy->info().stack);
     const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);
     plan.decide = decide_by(*policy, sampled, options.seed);
     return plan;
+}
+
+/// play_pong.mp4, or play_pong_2.mp4 where there is one already, and so on.
+std::filesystem::path unused_name(const std::string& name) {
+    std::filesystem::path file = name + ".mp4";
+    for (int number = 2; std::filesystem::exists(file); ++number)
+        file = fmt::format("{}_{}.mp4", name, number);
+    return file;
 }
 
 /// None where the user wants none, or there is no display and a film will do.
@@ -81,25 +94,70 @@ std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
             std::fputs(fmt::format("cale play: {}; filming instead\n", error.what()).c_str(), stderr);
         }
     }
-    if (plan.video.empty()) plan.video = fmt::format("play_{}.mp4", plan.env.game);
+    if (plan.video.empty()) plan.video = unused_name("play_" + plan.env.game);
     if (options.games == 0) plan.games = 1;
     plan.speed = 0;
     return nullptr;
 }
+
+/// How far a film is. How long its first game will be nobody knows.
+class FilmProgress {
+  public:
+    explicit FilmProgress(const PlayPlan& plan) {
+        if (plan.games < std::numeric_limits<std::int64_t>::max()) progress_.total_games = plan.games;
+    }
+    void step(const EvaluatedGame& game) {
+        ++progress_.steps;
+        progress_.values = {{"return so far", game.episode_return}};
+    }
+    void end(const EvaluatedGame& game) {
+        const auto before = static_cast<double>(progress_.games++);
+        const auto games = static_cast<double>(progress_.games);
+        const auto mean = [&](double old, double value) { return (old * before + value) / games; };
+        progress_.mean_return = mean(progress_.mean_return.value_or(0), game.episode_return);
+        progress_.mean_length = mean(progress_.mean_length, static_cast<double>(game.length));
+    }
+    GamesProgress now() {
+        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start_;
+        progress_.steps_per_second = static_cast<double>(progress_.steps) / seconds.count();
+        return progress_;
+    }
+
+  private:
+    GamesProgress progress_;
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
 
 void run(const Options& options) {
     if (options.game.empty() && options.policy.empty())
         throw ConfigError("give a GAME, a --policy FILE, or both");
     PlayPlan plan = plan_of(options);
     const auto window = open_window(options, plan);
-    if (!plan.video.empty()) check_output_file("--video", plan.video);
+    if (!plan.video.empty()) {
+        check_output_file("--video", plan.video);
+        if (std::filesystem::is_regular_file(plan.video)) {
+            throw ConfigError(
+                fmt::format("--video {}: there is such a file already; give another name, or delete it",
+                            plan.video.string()));
+        }
+    }
     Stage stage;
     if (window) {
         if (!plan.decide) std::fputs(std::string(keyboard_help()).c_str(), stdout);
         stage.show = [&](const Image& picture, const std::string& title) { window->show(picture, title); };
         stage.poll = [&](Hands& hands) { return window->poll(hands); };
     }
-    plan.ended = [](const EvaluatedGame& game) {
+    Console console(stderr);
+    FilmProgress progress(plan);
+    if (!window) {
+        plan.stepped = [&](const EvaluatedGame& game) {
+            progress.step(game);
+            if (console.due()) console.draw(progress.now());
+        };
+    }
+    plan.ended = [&](const EvaluatedGame& game) {
+        progress.end(game);
+        console.clear();
         std::fputs(
             fmt::format("return {:g} after {} agent steps\n", game.episode_return, game.length).c_str(),
             stdout);
@@ -137,7 +195,9 @@ void add_play(CLI::App& app) {
         ->allow_extra_args(false)
         ->take_all()
         ->type_name("KEY=VALUE");
-    command.add_option("--video", options->video, "film all that is shown, to this .mp4 file")
+    command
+        .add_option("--video", options->video,
+                    "film all that is shown, to this .mp4 file, which must not exist")
         ->type_name("FILE");
     command.add_flag("--no-window", options->no_window, "film only, as fast as it goes");
     command.add_option("--games", options->games, "leave after these; 0: when the window is closed")

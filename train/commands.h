@@ -12,8 +12,8 @@ namespace cale {
 void add_bench(CLI::App& app);
 /// Scripts for shells.
 void add_completion(CLI::App& app);
-/// Games played by a trained policy.
-void add_evaluate(CLI::App& app);
+/// Games played by a trained policy, or by those of many runs.
+void add_evaluate(CLI::App& app, int& exit_code);
 /// Policies for other programs.
 void add_export(CLI::App& app);
 /// The sixty games.

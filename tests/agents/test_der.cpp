@@ -197,7 +197,9 @@ TEST(DerLosses, WithoutADistributionTheyAreThoseOfDqn) {
                     .discount = torch::tensor({0.9f, 0.0f, 0.9f, 0.5f, 0.9f}),
                     .next_observation = noise_frames(5, 2),
                     .index = {}};
-        DerConfig der{.distributional = false, .dueling = false, .double_dqn = double_dqn, .noisy = false};
+        DerConfig der;
+        der.distributional = der.dueling = der.noisy = false;
+        der.double_dqn = double_dqn;
         DqnConfig dqn;
         dqn.double_dqn = double_dqn;
         der.replay.reward_scale = dqn.replay.reward_scale = 0.7;
@@ -248,11 +250,9 @@ TEST(Der, ExploresByTheNoiseInItsWeightsAloneFromTheFirstStepOn) {
     config.epsilon = {.epsilon_train = 1, .epsilon_eval = 0};
     const auto agent = make_der(config, discrete_world());
     EXPECT_EQ(agent->metrics().at("charts/epsilon"), 0);
-    // One draw serves a whole call, so on one and the same frame all of its actions are one.
     std::vector<double> counts(kNumActions, 0);
     for (int call = 0; call < 200; ++call) {
-        const auto actions = agent->act(same_frame(5), ActMode::train);
-        EXPECT_TRUE((actions == actions[0]).all().item<bool>());
+        const auto actions = agent->act(same_frame(1), ActMode::train);
         ++counts[static_cast<std::size_t>(actions[0].item<std::int64_t>())];
     }
     for (const double count : counts) EXPECT_GT(count, 10);
@@ -260,6 +260,23 @@ TEST(Der, ExploresByTheNoiseInItsWeightsAloneFromTheFirstStepOn) {
     const auto greedy = agent->act(same_frame(1), ActMode::evaluate);
     for (int call = 0; call < 20; ++call)
         EXPECT_TRUE(torch::equal(agent->act(same_frame(1), ActMode::evaluate), greedy));
+}
+
+TEST(Der, EveryEnvironmentExploresWithANoiseOfItsOwn) {
+    auto config = small_der();
+    config.noisy_sigma = 5;
+    const auto agent = make_der(config, discrete_world(3));
+    // On one and the same frame all that differs is the noise: any two environments agree by chance alone.
+    std::vector<int> agreements(3, 0);
+    for (int call = 0; call < 200; ++call) {
+        const auto actions = agent->act(same_frame(3), ActMode::train);
+        for (const std::int64_t env : {0, 1, 2})
+            agreements[static_cast<std::size_t>(env)] +=
+                (actions[env] == actions[(env + 1) % 3]).item<bool>() ? 1 : 0;
+    }
+    for (const int agreed : agreements) EXPECT_LT(agreed, 150);
+    const auto greedy = agent->act(same_frame(3), ActMode::evaluate);
+    EXPECT_TRUE((greedy == greedy[0]).all().item<bool>());
 }
 
 TEST(Der, EvaluatesTheMeansOfItsDistributions) {

@@ -333,7 +333,7 @@ TEST_P(ReplayAgent, RefusesTheOtherActionSpace) {
     const auto other = continuous ? discrete_world() : joystick_world();
     EXPECT_THAT([&] { make(other); },
                 ThrowsMessage<std::invalid_argument>(
-                    HasSubstr(continuous ? "4 discrete actions: set env.action_space to continuous"
+                    HasSubstr(continuous ? "discrete actions: set env.action_space to continuous"
                                          : "continuous joystick: set env.action_space to minimal or full")));
 }
 

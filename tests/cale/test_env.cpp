@@ -82,6 +82,26 @@ TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("nearest of the 60 is pong"));
 }
 
+TEST(EmulatorEnv, DoubleDunkNeedsActionsThatDoNotAlwaysStick) {
+    auto config = discrete("double_dunk");
+    config.sticky_probability = 1;
+    EXPECT_THAT(message_of<std::invalid_argument>([&] { Env(config, 1); }),
+                AllOf(HasSubstr("sticky_probability is 1"), HasSubstr("0.99 or less")));
+    config.sticky_probability = 0.99;
+    Played slowly(config);
+    EXPECT_GT(slowly.env.frame_number(), 100);
+}
+
+TEST(EmulatorEnv, EverySeedDrawsTheSameWheneverItIsUsed) {
+    // 2^32-1 as ALE's random_seed would be -1: the clock.
+    Played last(discrete("pong"), 0xFFFFFFFFu), neighbour(discrete("pong"), 0xFFFFFFFEu);
+    for (std::uint64_t t = 0; t < 100; ++t) {
+        last.random_step(t);
+        neighbour.random_step(t);
+        ASSERT_TRUE(std::ranges::equal(last.env.ram(), neighbour.env.ram())) << "step " << t;
+    }
+}
+
 TEST(EmulatorEnv, FramesAreTheReferencesOnEveryScreenHeight) {
     for (const char* game : {"pong", "carnival", "pooyan", "journey_escape", "air_raid", "enduro"}) {
         SCOPED_TRACE(game);

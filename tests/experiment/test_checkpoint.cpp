@@ -163,17 +163,17 @@ TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
     const auto folder = write_at(100);
     fs::remove(folder / "manifest.json");
     EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("written by an older cale")));
-    write_file_atomically(folder / "manifest.json", R"({"format_version": 5, "files": {}})");
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 6, "files": {}})");
     EXPECT_THAT([&] { load(); },
-                ThrowsMessage<ResumeError>(HasSubstr("version 5, this program reads version 4")));
+                ThrowsMessage<ResumeError>(HasSubstr("version 6, this program reads version 5")));
     for (const auto* manifest :
-         {"", "[]", R"({"format_version": 4, "files": {"../x": {"bytes": 1, "crc32c": "00"}}})",
-          R"({"format_version": 4, "files": {"a": {"bytes": -1, "crc32c": "0g"}}})"}) {
+         {"", "[]", R"({"format_version": 5, "files": {"../x": {"bytes": 1, "crc32c": "00"}}})",
+          R"({"format_version": 5, "files": {"a": {"bytes": -1, "crc32c": "0g"}}})"}) {
         write_file_atomically(folder / "manifest.json", manifest);
         EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("manifest.json is damaged")))
             << manifest;
     }
-    write_file_atomically(folder / "manifest.json", R"({"format_version": 4, "files": {}})");
+    write_file_atomically(folder / "manifest.json", R"({"format_version": 5, "files": {}})");
     EXPECT_THAT([&] { load(); },
                 ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors")));
 }

@@ -222,6 +222,37 @@ TEST_F(CommandLineTest, PrintsTheResolvedConfiguration) {
     EXPECT_THAT(out_.str(), HasSubstr("\n  seed: 5\n"));
 }
 
+TEST_F(CommandLineTest, PrintsSeveralConfigurationsEachFromTheSameDefaults) {
+    const auto printed = [&](const std::vector<std::string>& arguments) {
+        table_.reset();
+        parse(arguments);
+        return out_.str();
+    };
+    const auto first = printed({"--print-config", "--set", "train.seed=9", "env.threshold=0.125"});
+    const auto second = printed({"--print-config", "--set", "train.seed=9", "env.game=breakout"});
+    EXPECT_EQ(printed({"--print-config", "--set", "train.seed=9", "env.threshold=0.125", "--or",
+                       "env.game=breakout"}),
+              first + "---\n" + second);
+    EXPECT_EQ(error({"--print-config", "env.threshold=0.25", "--or", "env.threshold=2"}),
+              "--set env.threshold=2: env.threshold must be 0 to 1, not '2'");
+    EXPECT_THAT(out_.str(), HasSubstr("threshold: 0.25")) << "so it is the second one that is wrong";
+    EXPECT_EQ(error({"env.threshold=1", "--or", "env.threshold=0"}),
+              "--or is for --print-config (see train_x --help)");
+}
+
+TEST_F(CommandLineTest, SettingsThatDoNotFitTogetherAreRefused) {
+    table_.add_rule([this] {
+        if (env_.threshold > 0.5 && env_.num_envs > 1)
+            throw std::invalid_argument("env.threshold is above 0.5, which is for env.num_envs = 1");
+    });
+    parse({"env.threshold=0.75"});
+    parse({"env.threshold=0.25", "env.num_envs=2"});
+    const std::string sentence = "env.threshold is above 0.5, which is for env.num_envs = 1";
+    EXPECT_EQ(error({"env.threshold=0.75", "env.num_envs=2"}), sentence);
+    EXPECT_EQ(error({"--print-config", "--num-envs", "2", "env.threshold=0.75"}), sentence);
+    EXPECT_EQ(out_.str(), "");
+}
+
 TEST_F(CommandLineTest, HelpListsEveryKeyOfTheTable) {
     for (const char* flag : {"--help", "-h"}) {
         EXPECT_TRUE(parse({flag}).finished);

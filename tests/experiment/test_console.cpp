@@ -70,6 +70,48 @@ TEST(ProgressLine, IsCompleteAndExact) {
               "step 50000/100000  frames 200000  500.0 steps/s  ETA 1:40  episodes 66  return -12.3  alpha "
               "0.01234  "
               "epsilon 0.1");
+    Progress end = halfway();
+    end.step = end.total_steps;
+    EXPECT_THAT(progress_line(end), HasSubstr("500.0 steps/s  ETA 0:00  episodes"));
+}
+
+GamesProgress some_games() {
+    return {.title = "run 2/8",
+            .games = 25,
+            .total_games = 100,
+            .steps = 6000,
+            .steps_per_second = 200,
+            .mean_return = 12.34,
+            .mean_length = 220};
+}
+
+TEST(ProgressOfGames, ShowsHowManyHaveEndedTheirMeanAndTheTimeLeft) {
+    // 100 games of 220 steps are 22,000, of which 16,000 are left.
+    EXPECT_EQ(progress_bar(some_games(), 140),
+              " 25% [##########..............................]  run 2/8  25/100 games  mean return 12.3  ETA "
+              "1:20  6k steps  200/s");
+    EXPECT_THAT(progress_bar(some_games(), 60), HasSubstr("]  run 2/8  25/100 games  mean return 12.3"));
+    auto one = some_games();
+    one.values = {{"return", 7}};
+    EXPECT_EQ(progress_line(one),
+              "run 2/8  25/100 games  return 7  mean return 12.3  200.0 steps/s  ETA 1:20");
+    one.games = 100;
+    EXPECT_THAT(progress_line(one), HasSubstr("ETA 0:00"));
+}
+
+TEST(ProgressOfGames, MayBeOfStepsInstead) {
+    GamesProgress progress{.games = 1,
+                           .steps = 31'250,
+                           .total_steps = 125'000,
+                           .steps_per_second = 500,
+                           .mean_return = 2,
+                           .mean_length = 1000};
+    EXPECT_THAT(progress_bar(progress, 140), StartsWith(" 25% ["));
+    EXPECT_THAT(progress_bar(progress, 140), HasSubstr("1 game  mean return 2.0  ETA 3:08"));
+    progress.total_games = 4;  // games of 1,000 steps: these are played first, or would be
+    EXPECT_THAT(progress_bar(progress, 140), HasSubstr("1/4 games  mean return 2.0  ETA 0:00"));
+    EXPECT_THAT(progress_bar({.total_games = 1, .steps = 10, .steps_per_second = 5}, 140),
+                HasSubstr("0/1 games  mean return -  ETA -  10 steps  5/s"));
 }
 
 TEST(Duration, IsReadable) {
@@ -109,8 +151,7 @@ TEST(ConsoleWithoutTerminal, WritesPlainLines) {
               "  game        ALE/Pong-v5\n"
               "  run folder  runs/pong\n"
               "\n" +
-                  progress_line(halfway()) + "\na warning\n" + progress_line(halfway()) +
-                  "\nResults are in runs/pong\n");
+                  progress_line(halfway()) + "\na warning\nResults are in runs/pong\n");
 }
 
 /// A pseudo terminal of `columns` columns.
@@ -155,6 +196,17 @@ TEST(ConsoleOnATerminal, DrawsABarOfTheTerminalsWidth) {
     console.draw(halfway());
     EXPECT_FALSE(console.due()) << "five times a second is enough";
     EXPECT_EQ(terminal.shown(), std::string("\r").append(progress_bar(halfway(), 59)).append("\033[K"));
+}
+
+TEST(ConsoleOnATerminal, DrawsTheBarOfGamesAndClearsIt) {
+    Terminal terminal(70);
+    Console console(terminal.file());
+    console.report(some_games());
+    EXPECT_EQ(terminal.shown(), std::string("\r").append(progress_bar(some_games(), 69)).append("\033[K"));
+    console.clear();
+    EXPECT_EQ(terminal.shown(), "\r\033[K");
+    console.clear();
+    EXPECT_EQ(terminal.shown(), "");
 }
 
 TEST(ConsoleOnATerminal, KeepsMessagesApartFromTheBar) {

@@ -1,12 +1,16 @@
 #include "experiment/evaluation.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
+#include <limits>
+#include <map>
 #include <numeric>
 #include <set>
 #include <string>
@@ -15,6 +19,9 @@
 #include "agents/dqn.h"
 #include "agents/ppo.h"
 #include "agents/sac.h"
+#include "cale/random_play.h"
+#include "experiment/console.h"
+#include "experiment/evaluation_progress.h"
 #include "experiment/evaluation_report.h"
 #include "experiment/export.h"
 #include "experiment/policy_evaluation.h"
@@ -111,6 +118,57 @@ TEST(EvaluationEmulator, FixedStepsEndsWithTheGameThatReachesThem) {
     EXPECT_EQ(together.events, alone.events);
 }
 
+TEST(EvaluationEmulator, GamesThatAreKnownAreNotPlayedAgain) {
+    for (const bool by_steps : {false, true}) {
+        auto plan = short_games();
+        plan.games = by_steps ? std::numeric_limits<std::int64_t>::max() : 5;
+        if (by_steps) plan.steps = 160;
+        std::map<std::int64_t, EvaluatedGame> all;
+        plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { all[number] = game; };
+        const auto whole = rows(evaluate(by_sight(), plan));
+        ASSERT_GE(all.size(), 3u);
+        plan.parallel = 2;
+        std::set<std::int64_t> played;
+        std::int64_t steps = 0, steps_of_games = 0;
+        plan.ended = [&](std::int64_t number, const EvaluatedGame& game) {
+            played.insert(number);
+            steps_of_games += game.length;
+        };
+        plan.stepped = [&](std::int64_t count) { steps += count; };
+        // A killed evaluation: 1 and 2 had ended, 0 had not.
+        plan.known = {{1, all[1]}, {2, all[2]}};
+        EXPECT_EQ(rows(evaluate(by_sight(), plan)), whole) << by_steps;
+        EXPECT_FALSE(played.contains(1) || played.contains(2));
+        EXPECT_TRUE(played.contains(0));
+        EXPECT_EQ(steps, steps_of_games);
+        plan.known = all;
+        played.clear();
+        EXPECT_EQ(rows(evaluate(by_sight(), plan)), whole);
+        EXPECT_TRUE(played.empty());
+    }
+}
+
+TEST(EvaluationEmulator, TellsALogOfEveryGame) {
+    auto plan = short_games();
+    plan.parallel = 2;
+    plan.known[2] = {.episode_return = 6, .length = 50};
+    std::vector<std::int64_t> ended;
+    plan.ended = [&](std::int64_t number, const EvaluatedGame&) { ended.push_back(number); };
+    std::FILE* const file = std::tmpfile();
+    Console console(file);
+    EvaluationProgress progress(console, plan, "run 1/2");
+    const auto evaluation = evaluate(by_sight(), plan);
+    EXPECT_EQ(ended.size(), 3u) << "who asked before is called as well";
+    std::rewind(file);
+    std::string text;
+    for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text.push_back(static_cast<char>(c));
+    std::fclose(file);
+    EXPECT_EQ(std::ranges::count(text, '\n'), 3) << "those that were played";
+    EXPECT_THAT(text, StartsWith("run 1/2  2/4 games  return "));
+    EXPECT_THAT(text, HasSubstr("\nrun 1/2  4/4 games  return "));
+    EXPECT_THAT(text, HasSubstr(fmt::format("  mean return {:.1f}", evaluation.mean_return)));
+}
+
 TEST(EvaluationEmulator, EpsilonIsThePartOfRandomActions) {
     auto plan = short_games();
     plan.games = 2;
@@ -148,6 +206,24 @@ TEST(EvaluationEmulator, ALostLifeClearsTheStackAndDoesNotEndTheGame) {
         };
         evaluate(fire, plan);
         EXPECT_EQ(blank, life_loss ? 5 : 1);  // the game has five lives
+    }
+}
+
+TEST(Evaluation, ALostLifeDoesToAPolicysInputsWhatItDidInTraining) {
+    for (const bool trained : {true, false}) {
+        PolicyInfo policy;
+        policy.life_loss_ends_episode = trained;
+        EnvConfig env;
+        env.terminal_on_life_loss = trained;
+        EXPECT_EQ(keep_life_loss(policy, env), "");
+        EXPECT_EQ(env.terminal_on_life_loss, trained);
+        env.terminal_on_life_loss = !trained;
+        EXPECT_EQ(keep_life_loss(policy, env),
+                  trained ? "env.terminal_on_life_loss=false is not applied: as in this policy's training "
+                            "(true), a lost life clears its frame stack; no game ends with a life"
+                          : "env.terminal_on_life_loss=true is not applied: as in this policy's training "
+                            "(false), a lost life does not clear its frame stack; no game ends with a life");
+        EXPECT_EQ(env.terminal_on_life_loss, trained);
     }
 }
 
@@ -328,6 +404,20 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"agent\": \"ppo\""));
     EXPECT_THAT(evaluation_text(report), HasSubstr("ppo on Breakout after 4 agent steps, run\n"));
     EXPECT_THAT(evaluation_text(report), HasSubstr("greedy, epsilon 0.2"));
+    EXPECT_THAT(evaluation_text(report), HasSubstr("random play           1.70, published\n"));
+    EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"random_play\": 1.7\n"));
+
+    // The joystick at random is another floor, which depends on the rules.
+    plan.env.action_space = ActionSpace::continuous;
+    EXPECT_THAT(evaluation_text(report), HasSubstr("not measured with this joystick and these rules\n"));
+    plan.env.max_frames_per_episode = 108'000;
+    const auto& play = joystick_random("breakout", "200m");
+    EXPECT_EQ(plan.env.sticky_probability, 0.25);
+    EXPECT_THAT(
+        evaluation_text(report),
+        HasSubstr(fmt::format("random play           {:.2f} ({:.2f} to {:.2f}), measured with the joystick\n",
+                              play.mean, play.low, play.high)));
+    plan.env.action_space = ActionSpace::minimal;
 
     EXPECT_NO_THROW(require_playable(policy.info(), plan.env));
     plan.env.game = "alien";

@@ -189,6 +189,25 @@ TEST_F(Log, ProgressContinuesFromARowEvenIfColumnsCameSince) {
     EXPECT_EQ(log.rows(), 2);
 }
 
+TEST_F(Log, ProgressHasItsColumnsInTheOrderOfAnUninterruptedRun) {
+    const Report first{.global_step = 1, .frame = 4, .seconds = 1, .steps_per_second = 1, .scalars = {}};
+    const Report third{
+        .global_step = 3, .frame = 12, .seconds = 3, .steps_per_second = 1, .scalars = {{"a", 3}, {"b", 2}}};
+    {
+        ProgressLog log(folder_ / "progress.csv");
+        log.write(first);
+        log.write({.global_step = 2, .frame = 8, .seconds = 2, .steps_per_second = 1, .scalars = {{"b", 1}}});
+        EXPECT_EQ(log.last_step(), 2);
+    }
+    ProgressLog log(folder_ / "progress.csv", 1);
+    EXPECT_EQ(log.last_step(), 1);
+    log.write(third);
+    EXPECT_EQ(text("progress.csv"),
+              "global_step,frame,seconds,steps_per_second,a,b\n"
+              "1,4,1.000,1.00,,\n"
+              "3,12,3.000,1.00,3,2\n");
+}
+
 TEST_F(Log, ProgressContinuesFromNothing) {
     { ProgressLog log(folder_ / "progress.csv"); }
     ProgressLog log(folder_ / "progress.csv", 0);

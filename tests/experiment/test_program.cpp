@@ -7,12 +7,15 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include <signal.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
@@ -172,6 +175,100 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
 }
 
+/// A run of three rollouts with a small network.
+std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"--run-dir",
+                                          run_dir.string(),
+                                          "--threads",
+                                          "1",
+                                          "--no-progress",
+                                          "agent.encoder=phi_dqn",
+                                          "agent.hidden_units=8",
+                                          "agent.rollout_steps=8",
+                                          "agent.minibatch_size=4",
+                                          "agent.epochs=1",
+                                          "train.total_steps=24",
+                                          "eval.episodes=0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+TEST(ProgramEmulator, ARunWhoseScheduleLastsForAllOfItIsLengthenedOnlyWhenToldTo) {
+    const TemporaryFolder folder;
+    const auto lengthened = [](const std::filesystem::path& run, std::vector<std::string> more = {}) {
+        std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
+                                           "train.total_steps=32"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return train("ppo", make_ppo, arguments);
+    };
+    const auto annealed = folder.path() / "annealed";
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(annealed)).code, 0);
+    const auto refused = lengthened(annealed);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_THAT(refused.stderr_text,
+                testing::HasSubstr("train.total_steps was 24 and is now 32, which changes the schedule of "
+                                   "agent.anneal_learning_rate; resume with the run's own"));
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("say --accept-changes"));
+    const auto accepted = lengthened(annealed, {"--accept-changes"});
+    EXPECT_EQ(accepted.code, 0) << accepted.stderr_text;
+    EXPECT_THAT(read_file(annealed / "metadata.json"), testing::HasSubstr("train.total_steps was 24"));
+    EXPECT_EQ(lengthened(annealed).code, 0) << "accepted once is enough";
+
+    for (const std::string constant : {"agent.anneal_learning_rate=false", "agent.anneal_steps=5"}) {
+        const auto run = folder.path() / constant;
+        ASSERT_EQ(train("ppo", make_ppo, small_ppo(run, {constant})).code, 0);
+        const auto answer = lengthened(run);
+        EXPECT_EQ(answer.code, 0) << constant << ": " << answer.stderr_text;
+    }
+}
+
+TEST(ProgramEmulator, ARunSaysWhichScheduleLastsForAllOfIt) {
+    const TemporaryFolder folder;
+    const auto metadata = [&](const std::string& run) {
+        return read_file(folder.path() / run / "metadata.json");
+    };
+    ASSERT_EQ(train_sac(small(folder.path() / "sac")).code, 0);
+    EXPECT_THAT(metadata("sac"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(folder.path() / "ppo")).code, 0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"agent.anneal_learning_rate\""));
+    const auto run = (folder.path() / "ppo").string();
+    ASSERT_EQ(train("ppo", make_ppo,
+                    {"--resume", "--run-dir", run, "--no-progress", "--accept-changes",
+                     "agent.anneal_learning_rate=false"})
+                  .code,
+              0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+}
+
+TEST(Program, SettingsThatDoNotFitTogetherAreRefusedBeforeTheyArePrinted) {
+    const auto print = [](std::vector<std::string> settings) {
+        settings.insert(settings.begin(), "--print-config");
+        testing::internal::CaptureStdout();
+        auto answer = train("ppo", make_ppo, settings);
+        return std::pair(answer, testing::internal::GetCapturedStdout());
+    };
+    const auto [fine, printed] = print({"agent.minibatch_size=128"});
+    EXPECT_EQ(fine.code, 0) << fine.stderr_text;
+    EXPECT_THAT(printed, testing::HasSubstr("minibatch_size: 128"));
+    const std::string multiple = "agent.rollout_steps is 1024, which is no multiple of ";
+    for (const auto& [settings, sentence] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"agent.minibatch_size=300"}, multiple + "agent.minibatch_size = 300; change one of the two"},
+             {{"env.num_envs=3"}, multiple + "env.num_envs = 3; change one of the two"},
+             {{"train.overlap=true"}, "train.overlap: ppo learns only from"},
+             {{"agent.replay_terminal=dopamine", "env.num_envs=2"},
+              "dopamine is a rule for env.num_envs = 1"},
+             {{"agent.stack_after_update=repeated", "env.num_envs=2"}, "repeated is for env.num_envs = 1"}}) {
+        const auto [refused, nothing] = print(settings);
+        EXPECT_EQ(refused.code, 2) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("train_ppo: ")) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr(sentence));
+        EXPECT_EQ(nothing, "");
+    }
+    const auto joystick = train_sac({"--print-config", "env.action_space=minimal"});
+    EXPECT_EQ(joystick.code, 2);
+    EXPECT_THAT(joystick.stderr_text, testing::HasSubstr("set env.action_space to continuous"));
+}
+
 TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfiguration) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
@@ -288,6 +385,32 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
     }
 }
 
+TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(
+        train_sac(small(folder.path() / "run", {"env.game=breakout", "env.terminal_on_life_loss=true"})).code,
+        0);
+    const auto evaluated = [&](const std::string& out, const std::string& words) {
+        const auto said =
+            cale_says("evaluate run --sampled --episodes 1 --noop-max 0 --out " + out + words, folder.path());
+        EXPECT_EQ(said.code, 0) << said.text;
+        return said.text;
+    };
+    const std::string note = "cale evaluate: env.terminal_on_life_loss=false is not applied: ";
+    EXPECT_THAT(evaluated("as_trained", ""), testing::Not(testing::HasSubstr(note)));
+    EXPECT_THAT(evaluated("set", " --set env.terminal_on_life_loss=false"), testing::HasSubstr(note));
+    const auto games = read_file(folder.path() / "as_trained" / "evaluation.csv");
+    EXPECT_EQ(read_file(folder.path() / "set" / "evaluation.csv"), games);
+    EXPECT_THAT(read_file(folder.path() / "set" / "evaluation.json"),
+                testing::HasSubstr("\"env.terminal_on_life_loss\": \"true\""));
+    // A step that a lost life cuts short has fewer than four frames.
+    const auto row = games.substr(games.find('\n') + 1);
+    double episode = 0, episode_return = 0, length = 0, frames = 0;
+    ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%lf,%lf,%lf", &episode, &episode_return, &length, &frames), 4)
+        << row;
+    EXPECT_LT(frames, 4 * length - 4) << "more than its last step was cut short";
+}
+
 TEST(CaleProgram, NumbersAreAllThatIsWritten) {
     const std::string whole = "give a whole number from ", any = "give a number from ";
     for (const auto& [words, way_out] : std::vector<std::pair<std::string, std::string>>{
@@ -376,6 +499,112 @@ TEST(CaleEmulator, EvaluatesAndExportsARun) {
                 testing::HasSubstr("is not a policy file"));
 }
 
+TEST(CaleEmulator, EvaluatesEveryRunOfAFolderOnce) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path() / "runs" / "Pong__sac__1")).code, 0);
+    ASSERT_EQ(train_sac(small(folder.path() / "runs" / "Pong__sac__10", {"--seed", "10"})).code, 0);
+    folder.write("runs/Pong__sac__9/config.yaml", "");
+    folder.write("runs/Pong__sac__9/episodes.csv", "");
+    const std::string words = "evaluate runs --episodes 3 --parallel 1 --set env.max_frames_per_episode=40";
+    const auto first = cale_says(words, folder.path());
+    EXPECT_EQ(first.code, 1) << "one run has no checkpoint";
+    EXPECT_THAT(first.text, testing::HasSubstr("runs        3, 0 of them evaluated already\n"));
+    EXPECT_THAT(first.text, testing::HasSubstr("\nrun 1/3  1/3 games  return "));
+    EXPECT_THAT(first.text, testing::HasSubstr("\n[1/3] Pong__sac__1: mean return "));
+    EXPECT_THAT(first.text, testing::HasSubstr("\n[2/3] Pong__sac__9: no policy can be made of "));
+    const auto table = first.text.substr(first.text.find("\nrun  "));
+    EXPECT_THAT(table,
+                testing::ContainsRegex("\nrun  [^\n]*\nPong__sac__1  [^\n]*\nPong__sac__9  none: [^\n]*"
+                                       "\nPong__sac__10  [^\n]*\n"));
+
+    const auto again = cale_says(words, folder.path());
+    EXPECT_EQ(again.text.find("games  return"), std::string::npos) << again.text;
+    EXPECT_EQ(again.text.substr(again.text.find("\nrun  ")), table);
+
+    EXPECT_THAT(cale_says(words + " --seed 2", folder.path()).text,
+                testing::HasSubstr("0 of them evaluated already"))
+        << "another protocol";
+
+    // The games are those that each run's own evaluation has.
+    const auto alone = cale_says(
+        "evaluate runs/Pong__sac__10 --episodes 3 --parallel 1 --out alone --set "
+        "env.max_frames_per_episode=40",
+        folder.path());
+    EXPECT_THAT(alone.text, testing::StartsWith("1/3 games  return "));
+    int found = 0;
+    for (const auto& place :
+         std::filesystem::directory_iterator(folder.path() / "runs/Pong__sac__10/evaluations")) {
+        if (read_file(place.path() / "protocol.json").find("\"seed\": 1,") == std::string::npos) continue;
+        ++found;
+        EXPECT_EQ(read_file(place.path() / "step_000000012.csv"), folder.read("alone/evaluation.csv"));
+        EXPECT_FALSE(std::filesystem::exists(place.path() / "step_000000012.partial"));
+    }
+    EXPECT_EQ(found, 1);
+
+    EXPECT_EQ(cale_says("evaluate runs --out x", folder.path()).text,
+              "cale evaluate: --out: runs holds runs, whose evaluations are written into their own folders, "
+              "without films; leave --out out, or name one of the runs, such as runs/Pong__sac__1\n");
+    const auto report = cale_says("report runs --score evaluation --resamples 10", folder.path());
+    EXPECT_EQ(report.code, 0) << report.text;
+    EXPECT_THAT(read_file(folder.path() / "reports/runs/scores.csv"), testing::HasSubstr("Pong"));
+}
+
+/// What `command` wrote to the standard error before it was killed, which is once that has `lines` lines.
+std::string killed_after(int lines, const std::string& command) {
+    int ends[2] = {};
+    EXPECT_EQ(::pipe(ends), 0);
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::dup2(ends[1], STDERR_FILENO);
+        ::close(ends[0]);
+        ::execl("/bin/sh", "sh", "-c", ("exec " + command).c_str(), nullptr);
+        ::_exit(127);
+    }
+    ::close(ends[1]);
+    std::FILE* const pipe = ::fdopen(ends[0], "r");
+    std::string text;
+    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) {
+        text.push_back(static_cast<char>(c));
+        if (c == '\n' && --lines == 0) ::kill(child, SIGKILL);
+    }
+    std::fclose(pipe);
+    ::waitpid(child, nullptr, 0);
+    return text;
+}
+
+TEST(CaleEmulator, AKilledEvaluationOfRunsContinuesInMidRun) {
+    const TemporaryFolder folder;
+    for (const auto* runs : {"whole", "killed"})
+        ASSERT_EQ(train_sac(small(folder.path() / runs / "run")).code, 0);
+    const auto words = [&](const std::string& runs) {
+        return fmt::format("evaluate {}/{} --episodes 6 --parallel 1 --set env.max_frames_per_episode=40",
+                           folder.path().string(), runs);
+    };
+    ASSERT_EQ(cale_says(words("whole")).code, 0);
+    // Four lines of the header, and one for the first game.
+    const auto before = killed_after(5, fmt::format("{}/cale {}", CALE_BINARY_DIR, words("killed")));
+    const auto after = cale_says(words("killed"));
+    EXPECT_EQ(after.code, 0) << after.text;
+    const auto games_in = [](std::string_view text) {
+        int games = 0;
+        for (auto at = text.find(" games  return "); at != text.npos;
+             at = text.find(" games  return ", at + 1))
+            ++games;
+        return games;
+    };
+    EXPECT_GE(games_in(before), 1) << before;
+    EXPECT_LE(games_in(before) + games_in(after.text), 6) << "none is played twice\n" << before << after.text;
+    const auto tables = [&](const char* runs) {
+        std::map<std::string, std::string> files;
+        for (const auto& file :
+             std::filesystem::recursive_directory_iterator(folder.path() / runs / "run/evaluations"))
+            if (file.path().extension() == ".csv") files[file.path().filename()] = read_file(file.path());
+        return files;
+    };
+    EXPECT_EQ(tables("killed").size(), 3u);
+    EXPECT_EQ(tables("killed"), tables("whole"));
+}
+
 TEST(CaleEmulator, AFoldersNameNeedNotBeUtf8) {
     const TemporaryFolder folder;
     const auto run = folder.path() / "m\xfcller";
@@ -398,6 +627,16 @@ TEST(CaleEmulator, FilmsAPolicyWhereThereIsNoDisplay) {
     EXPECT_THAT(film.text, testing::HasSubstr("filming instead\n"));
     EXPECT_TRUE(std::filesystem::exists(folder.path() / "play_pong.mp4")) << film.text;
     EXPECT_THAT(cale_says("play pong").text, testing::HasSubstr("give --policy FILE"));
+
+    const auto before = folder.read("play_pong.mp4");
+    const auto words = "play --policy run --no-window --set env.max_frames_per_episode=40";
+    const auto second = cale_says(words, folder.path());
+    EXPECT_THAT(second.text,
+                testing::ContainsRegex("return [-0-9]+ after [0-9]+ agent steps\nplay_pong_2.mp4\n"));
+    EXPECT_EQ(
+        cale_says(fmt::format("{} --video play_pong.mp4", words), folder.path()).text,
+        "cale play: --video play_pong.mp4: there is such a file already; give another name, or delete it\n");
+    EXPECT_EQ(folder.read("play_pong.mp4"), before);
 }
 
 TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {

@@ -13,9 +13,11 @@
 #include <random>
 #include <sstream>
 
+#include <fmt/format.h>
 #include <torch/types.h>
 
 #include "agents/sac.h"
+#include "cale/random_play.h"
 #include "experiment/checkpoint.h"
 #include "experiment/files.h"
 #include "experiment/log.h"
@@ -26,6 +28,8 @@ namespace cale {
 namespace {
 
 using test::TemporaryFolder;
+using testing::HasSubstr;
+using testing::Not;
 
 namespace fs = std::filesystem;
 
@@ -78,6 +82,12 @@ class ScribeAgent : public Agent {
     std::mt19937 random_{1};
 };
 
+std::int64_t occurrences(std::string_view text, std::string_view part) {
+    std::int64_t count = 0;
+    for (auto at = text.find(part); at != text.npos; at = text.find(part, at + 1)) ++count;
+    return count;
+}
+
 class TrainingEmulator : public testing::Test {
   protected:
     TrainingEmulator() {
@@ -98,6 +108,10 @@ class TrainingEmulator : public testing::Test {
         std::vector<std::string> result;
         for (std::string line; std::getline(text, line);) result.push_back(line);
         return result;
+    }
+
+    std::vector<double> steps_in_table() const {
+        return read_progress(folder.path() / "progress.csv").at("global_step");
     }
 
     TemporaryFolder folder;
@@ -170,6 +184,60 @@ TEST_F(TrainingEmulator, TheTimeOfARunIsSplitWithoutRemainder) {
     }
 }
 
+TEST_F(TrainingEmulator, TheLastRowHoldsWhatIsLeftAtTheEnd) {
+    eval.episodes = 0;
+    train_config.total_steps = 170;
+    ScribeAgent agent(1);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(train(agent), Outcome::finished);
+    const auto said = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
+    EXPECT_THAT(said, testing::ContainsRegex("\nstep 170/170  frames [0-9]+  [1-9][0-9.]* steps/s  ETA 0:00  "
+                                             "episodes [^\n]*\nResults: "));
+    EXPECT_EQ(said.find("step 170/170"), said.rfind("step 170/170")) << said;
+    std::string events;
+    for (const auto& file : fs::directory_iterator(folder.path()))
+        if (file.path().filename().string().starts_with("events.out")) events = read_file(file.path());
+    EXPECT_EQ(occurrences(events, "charts/SPS"), 2);
+
+    // Longer, it is the run that was that long from the beginning.
+    options.resume = true;
+    train_config.total_steps = 250;
+    ScribeAgent longer(1);
+    train(longer);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 200, 250));
+}
+
+TEST_F(TrainingEmulator, AnInterruptedRunsLastRowIsGoneOnceItIsResumed) {
+    eval.episodes = 0;
+    ScribeAgent agent(1);
+    agent.interrupt_at = 142;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 142));
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 200, 300, 400));
+}
+
+TEST_F(TrainingEmulator, ARunThatIsResumedAtItsEndHasItsLastRow) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } agent(1);
+    eval.video = false;
+    train_config.total_steps = 170;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
+    EXPECT_EQ(read_progress(folder.path() / "progress.csv").at("losses/qf_loss").back(), 0.5);
+}
+
 TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
     ScribeAgent agent(1);
     EXPECT_EQ(train(agent), Outcome::finished);
@@ -182,6 +250,29 @@ TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
         EXPECT_TRUE(fs::exists(folder.path() / name)) << name;
     }
     EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
+}
+
+TEST_F(TrainingEmulator, TheLearningCurveShowsRandomPlayWithTheRunsActions) {
+    struct DiscreteAgent : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor&, ActMode) override {
+            return torch::full({1}, steps % 4, torch::kInt64);
+        }
+    } discrete(1);
+    eval.episodes = 0;
+    env.action_space = ActionSpace::minimal;
+    train(discrete);
+    EXPECT_THAT(read_file(folder.path() / "learning_curve.svg"), HasSubstr(">random 1.7<"));
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    env.action_space = ActionSpace::continuous;
+    env.max_frames_per_episode = 108'000;
+    ScribeAgent joystick(1);
+    train(joystick);
+    const auto curve = read_file(place.path() / "learning_curve.svg");
+    EXPECT_THAT(curve, HasSubstr(fmt::format(">random {:.1f}<", joystick_random("breakout", "200m").mean)));
+    EXPECT_THAT(curve, Not(HasSubstr(">random 1.7<")));
 }
 
 TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {

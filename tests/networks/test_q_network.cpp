@@ -120,6 +120,29 @@ TEST(QHead, EveryLayerHasItsOwnNoiseButForTheInputBehindTheHiddenOne) {
     }
 }
 
+TEST(QHead, NoisePerRowIsADrawForEachRow) {
+    QHead head(5,
+               QHeadConfig{.num_actions = 4,
+                           .hidden_units = 6,
+                           .num_atoms = 3,
+                           .dueling = true,
+                           .noisy = true,
+                           .initial_sigma = 1},
+               generator());
+    const torch::NoGradGuard no_grad;
+    const auto noise = head->draw_noise(generator(2), 7);
+    const auto output = head(features(7), &noise);
+    for (std::int64_t row = 0; row < 7; ++row) {
+        const auto own = [row](const FactorisedNoise& layer) -> FactorisedNoise {
+            return {layer.input[row], layer.output[row]};
+        };
+        const QNoise of_row{own(noise.hidden), own(noise.out), own(noise.value)};
+        EXPECT_TRUE(
+            torch::allclose(output[row], head(features(7).slice(0, row, row + 1), &of_row)[0], 1e-5, 1e-6));
+        if (row > 0) EXPECT_FALSE(torch::equal(noise.hidden.input[row], noise.hidden.input[0]));
+    }
+}
+
 TEST(QHead, NoiseMovesToAnotherTypeAsAWhole) {
     QHead head(5, QHeadConfig{.num_actions = 4, .hidden_units = 6, .dueling = true, .noisy = true},
                generator());

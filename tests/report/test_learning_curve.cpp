@@ -152,6 +152,12 @@ TEST_F(LearningCurve, DrawsReferencesThatLeaveTheCurveVisible) {
     EXPECT_THAT(texts(picture), IsSupersetOf({"human 14.6", "(far above)"}));
 }
 
+TEST_F(LearningCurve, WritesReferencesAsScoresArePublished) {
+    const EpisodeHistory episodes{.steps = {100, 200}, .returns = {0, 1}};
+    const auto picture = learning_curve(episodes, "Pong", {{"random", 2.0 / 3}, {"human", -1e-9}});
+    EXPECT_THAT(texts(picture), IsSupersetOf({"random 0.7", "human 0"}));
+}
+
 TEST_F(LearningCurve, SaysWhenThereIsNothingToShow) {
     EXPECT_THAT(texts(learning_curve({}, "Pong")), Contains("no episode has ended yet"));
 }

@@ -150,6 +150,37 @@ TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
     EXPECT_THAT(found(ScoreKind::evaluation).left_out, left_out("good", "no evaluation"));
 }
 
+TEST_F(Runs, AreScoredByTheEvaluationsOfCaleEvaluateBeforeTheirOwn) {
+    const std::string games = "episode,return,length,frames\n";
+    for (const auto* run : {"a", "b"}) {
+        folders_.run(run, "sac", "Pong", run[0] == 'a' ? 1 : 2, {-21});
+        folders_.write(fmt::format("{}/eval/step_000000200.csv", run), games + "0,-21,7,28\n");
+    }
+    const auto all = found(ScoreKind::evaluation).runs;
+    ASSERT_THAT(all, SizeIs(2));
+    EXPECT_EQ(all[0].score(), -21);
+    EXPECT_EQ(all[0].settings.at("evaluation"), "the run's own");
+
+    const std::string few = "a/evaluations/fixed_episodes-1", many = "a/evaluations/fixed_episodes-0",
+                      other = "a/evaluations/fixed_episodes-2";
+    folders_.write(few + "/protocol.json", R"({"protocol": "fixed_episodes", "games": 1, "settings": {}})");
+    folders_.write(few + "/step_000000100.csv", games + "0,-20,7,28\n");
+    folders_.write(many + "/protocol.json", R"({"protocol": "fixed_episodes", "games": 2, "steps": null})");
+    folders_.write(many + "/step_000000100.csv", games + "0,-19,7,28\n1,-17,7,28\n");
+    folders_.write(many + "/step_000000100_events.csv", "event,count\nFIRE,3\n");
+    folders_.write(other + "/protocol.json", R"({"games": 3, "settings": {"env.game": "breakout"}})");
+    folders_.write(other + "/step_000000100.csv", games + "0,1,7,28\n1,1,7,28\n2,1,7,28\n");
+    const auto chosen = found(ScoreKind::evaluation).runs;
+    ASSERT_THAT(chosen, SizeIs(2));
+    EXPECT_EQ(chosen[0].score(), -18);
+    EXPECT_THAT(chosen[0].steps, ElementsAre(100));
+    EXPECT_EQ(chosen[0].games_in_score, 2);
+    EXPECT_EQ(chosen[0].settings.at("evaluation"), "protocol fixed_episodes, games 2");
+    EXPECT_THAT(chosen[0].event_shares, Contains(1.0));
+    EXPECT_THAT(group_runs(chosen, {}), SizeIs(2)) << "runs that were evaluated otherwise are another group";
+    EXPECT_FALSE(found(ScoreKind::training).runs.at(0).settings.contains("evaluation"));
+}
+
 TEST_F(Runs, TheSameRunTwiceCountsOnce) {
     folders_.run("a", "sac", "Pong", 1, {-21});
     folders_.run("b", "sac", "Pong", 1, {-21, -20});

@@ -7,10 +7,28 @@ namespace {
 
 constexpr const char* kProgram = R"sh(#!/bin/bash
 here=$(dirname "$0")
-mode=fast size=1 loss=huber rate=1e-4 every=10 steps=100 rom_dir= resume= print=
+resume= print=
+defaults() { mode=fast size=1 loss=huber rate=1e-4 every=10 steps=100 rom_dir=; }
+check() {
+    if [ "$size" = huge ]; then
+        echo "train_fake: --set agent.size=huge: agent.size must be a number, not 'huge'" >&2
+        exit 2
+    fi
+    if [ "$size" = 9 ] && [ "$loss" = mse ]; then
+        echo "train_fake: agent.size is 9, which is not for agent.loss = mse" >&2
+        exit 2
+    fi
+}
+config() {
+    printf 'env:\n  rom_dir: "%s"\nagent:\n  mode: %s\n  size: %s\n' "$rom_dir" "$mode" "$size"
+    printf '  loss: %s\n  rate: %s\n  replay_capacity: 1000000\n' "$loss" "$rate"
+    printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\nlog:\n  every: %s\n' "$steps" "$every"
+}
+defaults
 while [ $# -gt 0 ]; do
     case $1 in
         --print-config) print=1 ;;
+        --or) check; config; echo ---; defaults ;;
         --resume) resume=1 ;;
         --no-progress) ;;
         --run-dir) dir=$2; shift ;;
@@ -28,15 +46,7 @@ while [ $# -gt 0 ]; do
     esac
     shift
 done
-if [ "$size" = huge ]; then
-    echo "train_fake: --set agent.size=huge: agent.size must be a number, not 'huge'" >&2
-    exit 2
-fi
-config() {
-    printf 'env:\n  rom_dir: "%s"\nagent:\n  mode: %s\n  size: %s\n' "$rom_dir" "$mode" "$size"
-    printf '  loss: %s\n  rate: %s\n  replay_capacity: 1000000\n' "$loss" "$rate"
-    printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\nlog:\n  every: %s\n' "$steps" "$every"
-}
+check
 if [ -n "$print" ]; then config; exit; fi
 checkpoint() { mkdir -p "$dir/checkpoints/step_000000$1"; }
 finish() {

@@ -1,6 +1,7 @@
 // What is asked of the training programs before anything is started.
 #include "sweep/plan.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -83,6 +84,29 @@ TEST_F(SweepPlan, WhatTheProgramRefusesIsSaidBeforeAnythingStarts) {
     EXPECT_THAT(mistake("", "fkae"), HasSubstr("did you mean 'fake'?"));
     EXPECT_THAT(mistake(", env.rom_dir: /nowhere"), HasSubstr("env.game: "));
     EXPECT_THAT(mistake(", env.rom_dir: /nowhere"), HasSubstr("/nowhere"));
+}
+
+TEST_F(SweepPlan, SettingsThatDoNotFitTogetherAreSaidBeforeAnythingStarts) {
+    EXPECT_EQ(mistake(", agent.size: [1, 9], agent.loss: [huber, mse]"),
+              "mine: Pong__fake__size=9__loss=mse__1: train_fake: agent.size is 9, which is not for "
+              "agent.loss = mse");
+    EXPECT_EQ(
+        mistake(", agent.size: 9, agent.loss: [huber, mse]"),
+        "mine: Pong__fake__loss=mse__1: train_fake: agent.size is 9, which is not for agent.loss = mse");
+    const auto roms = (fake_.path() / "roms").string();
+    const auto file = fake_.write("apart.yaml", "agent: fake\nset: {env.rom_dir: " + roms +
+                                                    "}\ngrid: {train.seed: 1..2, env.game: pong}\n"
+                                                    "variants: [{agent.size: 9}, {agent.loss: mse}]\n");
+    EXPECT_EQ(plan(read_sweep(file), fake_.path()).size(), 4u) << "no run has both";
+}
+
+TEST_F(SweepPlan, AsksAboutAsManyRunsAsThereAre) {
+    std::string rates;
+    for (int i = 0; i < 120; ++i) rates += fmt::format("{}{}e-4", i > 0 ? ", " : "", i + 1);
+    const auto runs = plan_of(", agent.rate: [" + rates + "], agent.loss: [huber, mse]");
+    ASSERT_EQ(runs.size(), 240u);
+    EXPECT_EQ(text_of(runs[239], "agent.rate"), "120e-4");
+    EXPECT_EQ(text_of(runs[239], "agent.mode"), "fast");
 }
 
 TEST_F(SweepPlan, ARunIsACommand) {

@@ -74,6 +74,23 @@ TEST_F(Refusal, ARunMayBecomeLongerAndShorterUnlessItHasGoneFurther) {
     EXPECT_THAT(reason(), HasSubstr("train.total_steps was 100 and is now 50"));
 }
 
+TEST_F(Refusal, ARunWhoseScheduleLastsForAllOfItKeepsItsLength) {
+    trained("train: {total_steps: 100}\n", "000000060");
+    folder_.write("run/metadata.json", R"({"schedule_over_run": "agent.anneal_learning_rate"})");
+    EXPECT_EQ(reason(), "");
+    plan("train.total_steps", "1e3");
+    EXPECT_EQ(
+        reason(),
+        "trained with other settings: train.total_steps was 100 and is now 1e3, which changes the "
+        "schedule of agent.anneal_learning_rate; give the sweep another --dir, or take the change back");
+    planned_.run.settings.back().value = "80";
+    EXPECT_THAT(reason(), HasSubstr("train.total_steps was 100 and is now 80"));
+    for (const auto* other : {R"({"schedule_over_run": ""})", R"({"seed": 1})", "{", "[]"}) {
+        folder_.write("run/metadata.json", other);
+        EXPECT_EQ(reason(), "") << other;
+    }
+}
+
 TEST_F(Refusal, NothingCountsWithoutACheckpoint) {
     folder_.write("run/config.yaml", "agent: {loss: mse}\n");
     EXPECT_EQ(reason(), "") << "it starts anew";

@@ -1,0 +1,55 @@
+#include "cale/random_play.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace cale {
+namespace {
+
+constexpr RandomPlay kScores[] = {
+#include "joystick_random_scores.inc"  // made of data/joystick_random_scores.csv by CMake
+};
+
+// Dopamine cuts games off after 100,000 frames, the papers after 108,000: no difference to random play.
+constexpr std::int64_t kShortestCap = 100'000;
+
+}  // namespace
+
+std::span<const RandomPlay> joystick_random_scores() {
+    return kScores;
+}
+
+const RandomPlay& joystick_random(std::string_view game, std::string_view protocol) {
+    const auto name = find_game(game).name;
+    const auto* const found = std::ranges::find_if(
+        kScores, [&](const RandomPlay& play) { return play.game == name && play.protocol == protocol; });
+    if (found != std::end(kScores)) return *found;
+    throw std::invalid_argument("random play on the joystick was not measured under a protocol '" +
+                                std::string(protocol) + "': the protocols are 200m and atari100k");
+}
+
+std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
+    const EnvConfig measured = protocol_200m(config.game);
+    const auto game = find_game(config.game).name;
+    const bool has_paddles = game == "Breakout" || game == "Pong";
+    const bool same_joystick = config.action_space == measured.action_space &&
+                               config.threshold == measured.threshold &&
+                               config.event_map == measured.event_map &&
+                               (config.paddle_strength == measured.paddle_strength || !has_paddles);
+    const bool same_length = config.frame_skip == measured.frame_skip &&
+                             config.max_frames_per_episode >= kShortestCap &&
+                             config.max_frames_per_episode <= measured.max_frames_per_episode;
+    if (!same_joystick || !same_length) return std::nullopt;
+    if (config.sticky_probability == measured.sticky_probability) return joystick_random(game, "200m");
+    if (config.sticky_probability == 0) return joystick_random(game, "atari100k");
+    return std::nullopt;
+}
+
+std::optional<double> random_floor(const EnvConfig& config) {
+    if (config.action_space != ActionSpace::continuous) return find_game(config.game).random_score;
+    const auto play = joystick_random(config);
+    return play ? std::optional(play->mean) : std::nullopt;
+}
+
+}  // namespace cale
