@@ -8,6 +8,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
 
@@ -99,7 +101,8 @@ void Console::header(std::string_view title, std::span<const std::pair<std::stri
     std::size_t widest = 0;
     for (const auto& [label, value] : facts) widest = std::max(widest, label.size());
     fmt::print(out_, "{}\n", title);
-    for (const auto& [label, value] : facts) fmt::print(out_, "  {:<{}}  {}\n", label, widest, value);
+    for (const auto& [label, value] : facts)
+        fmt::print(out_, "  {:<{}}  {}\n", label, widest, printable(value));
     fmt::print(out_, "\n");
     std::fflush(out_);
 }
@@ -125,7 +128,7 @@ void Console::report(const Progress& progress) {
 }
 
 void Console::message(std::string_view text) {
-    fmt::print(out_, "{}{}\n", drawn_ ? "\r\033[K" : "", text);
+    fmt::print(out_, "{}{}\n", drawn_ ? "\r\033[K" : "", printable(text));
     std::fflush(out_);
     drawn_ = false;
     next_draw_ = {};

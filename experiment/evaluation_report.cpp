@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/text.h"
 #include "experiment/config.h"
 #include "experiment/files.h"
 #include "experiment/versions.h"
@@ -40,7 +41,7 @@ std::string evaluation_text(const EvaluationReport& report) {
     const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
     std::string text;
     const auto line = [&text](std::string_view name, const std::string& value) {
-        text += fmt::format("{:<20}  {}\n", name, value);
+        text += fmt::format("{:<20}  {}\n", name, printable(value));
     };
     const std::string steps = provenance(policy, "agent_steps");
     line("policy", fmt::format("{} on {}{}, {}", policy.agent, policy.game,
