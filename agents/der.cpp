@@ -4,6 +4,7 @@
 #include <torch/utils.h>
 
 #include "agents/captured_update.h"
+#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -107,14 +108,21 @@ DerLosses der_update(QLearner& learner, const Batch& batch, const torch::Tensor&
 
 namespace {
 
+EncoderConfig encoder_of(const DerConfig& config) {
+    return {.encoder = config.encoder, .padding = config.padding};
+}
+
+QHeadConfig head_of(const DerConfig& config, const AgentSpec& spec) {
+    return {.num_actions = spec.num_actions,
+            .hidden_units = config.hidden_units,
+            .num_atoms = config.distributional ? config.num_atoms : 1,
+            .dueling = config.dueling,
+            .noisy = config.noisy,
+            .initial_sigma = config.noisy_sigma};
+}
+
 QLearner make_learner(const DerConfig& config, const AgentSpec& spec) {
-    return make_q_learner({.encoder = config.encoder, .padding = config.padding},
-                          {.num_actions = spec.num_actions,
-                           .hidden_units = config.hidden_units,
-                           .num_atoms = config.distributional ? config.num_atoms : 1,
-                           .dueling = config.dueling,
-                           .noisy = config.noisy,
-                           .initial_sigma = config.noisy_sigma},
+    return make_q_learner(encoder_of(config), head_of(config, spec),
                           {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
                           stream_seed(spec.seed, kInitialValues));
 }
@@ -221,6 +229,13 @@ class Der final : public Agent {
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
     require_discrete("DER", spec);
     return std::make_unique<Der>(config, spec);
+}
+
+void check_memory(const DerConfig& config, const AgentSpec& spec, std::int64_t available) {
+    const auto network = make_q_network(encoder_of(config), head_of(config, spec), spec, no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true,
+                                 "agent.hidden_units or agent.num_atoms"};
+    check_memory(config.replay, spec, config.prioritised, memory_beside(networks, spec, available));
 }
 
 }  // namespace cale

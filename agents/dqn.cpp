@@ -7,6 +7,7 @@
 #include <torch/utils.h>
 
 #include "agents/captured_update.h"
+#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -61,12 +62,18 @@ DqnLosses dqn_update(QLearner& learner, const Batch& batch, const DqnConfig& con
 
 namespace {
 
+EncoderConfig encoder_of(const DqnConfig& config) {
+    return {.encoder = config.encoder, .padding = config.padding};
+}
+
+QHeadConfig head_of(const DqnConfig& config, const AgentSpec& spec) {
+    return {.num_actions = spec.num_actions, .hidden_units = config.hidden_units, .dueling = config.dueling};
+}
+
 QLearner make_learner(const DqnConfig& config, const AgentSpec& spec) {
-    return make_q_learner(
-        {.encoder = config.encoder, .padding = config.padding},
-        {.num_actions = spec.num_actions, .hidden_units = config.hidden_units, .dueling = config.dueling},
-        {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
-        stream_seed(spec.seed, kInitialValues));
+    return make_q_learner(encoder_of(config), head_of(config, spec),
+                          {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}, spec,
+                          stream_seed(spec.seed, kInitialValues));
 }
 
 class Dqn final : public Agent {
@@ -148,6 +155,12 @@ class Dqn final : public Agent {
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
     require_discrete("DQN", spec);
     return std::make_unique<Dqn>(config, spec);
+}
+
+void check_memory(const DqnConfig& config, const AgentSpec& spec, std::int64_t available) {
+    const auto network = make_q_network(encoder_of(config), head_of(config, spec), spec, no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, "agent.hidden_units"};
+    check_memory(config.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
 }
 
 }  // namespace cale

@@ -151,4 +151,8 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 /// processes, or of minibatch_size.
 std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec);
 
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
+/// into `available` bytes (see available_memory) once its memory is full.
+void check_memory(const PpoConfig& config, const AgentSpec& spec, std::int64_t available);
+
 }  // namespace cale

@@ -27,13 +27,18 @@ void QLearner::add_state(StateParts& parts) {
     parts.add("adam/", adam.state());
 }
 
-QLearner make_q_learner(EncoderConfig encoder, const QHeadConfig& head, const AdamConfig& adam_config,
-                        const AgentSpec& spec, std::uint64_t seed) {
+QNetwork make_q_network(EncoderConfig encoder, const QHeadConfig& head, const AgentSpec& spec,
+                        const at::Generator& generator) {
     encoder.stack = spec.stack;
     encoder.frame_height = spec.frame_height;
     encoder.frame_width = spec.frame_width;
+    return QNetwork(encoder, head, generator);
+}
+
+QLearner make_q_learner(const EncoderConfig& encoder, const QHeadConfig& head, const AdamConfig& adam_config,
+                        const AgentSpec& spec, std::uint64_t seed) {
     const auto make_network = [&] {
-        QNetwork network(encoder, head, make_generator(seed));
+        auto network = make_q_network(encoder, head, spec, make_generator(seed));
         network->to(spec.device);
         return network;
     };

@@ -26,9 +26,13 @@ struct QLearner {
     Adam adam;                 // the network's optimiser
 };
 
+/// Action values of the spec's frames, whatever `encoder` says of them; on the CPU.
+QNetwork make_q_network(EncoderConfig encoder, const QHeadConfig& head, const AgentSpec& spec,
+                        const at::Generator& generator);
+
 /// On the spec's device and for its frames, whatever `encoder` says of them; the target starts equal to the
 /// network.
-QLearner make_q_learner(EncoderConfig encoder, const QHeadConfig& head, const AdamConfig& adam_config,
+QLearner make_q_learner(const EncoderConfig& encoder, const QHeadConfig& head, const AdamConfig& adam_config,
                         const AgentSpec& spec, std::uint64_t seed);
 
 }  // namespace cale

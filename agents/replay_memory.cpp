@@ -39,6 +39,11 @@ std::int64_t Decisions::multiples_of(std::int64_t period) const {
     return below(end) - below(first);
 }
 
+void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
+                  std::int64_t available) {
+    check_memory(replay_config(settings, spec, prioritised), available);
+}
+
 ReplayMemory::ReplayMemory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
                            std::uint64_t seed)
     : settings_(settings),

@@ -57,6 +57,10 @@ struct Decisions {
     std::int64_t multiples_of(std::int64_t period) const;
 };
 
+/// Throws as ReplayMemory does where so many bytes are too few for it.
+void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
+                  std::int64_t available);
+
 /// A replay, and the count of decisions that tells when to learn from it.
 class ReplayMemory {
   public:

@@ -11,6 +11,7 @@
 
 #include "agents/action_metrics.h"
 #include "agents/captured_update.h"
+#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -230,6 +231,13 @@ class Sac final : public Agent {
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
     require_continuous("SAC", spec);
     return std::make_unique<Sac>(config, spec);
+}
+
+void check_memory(const SacConfig& config, const AgentSpec& spec, std::int64_t available) {
+    const SacNetwork network(config.network.encoder_for(spec), config.network.head(), no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true,
+                                 "agent.hidden_units or agent.hidden_layers"};
+    check_memory(config.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
 }
 
 }  // namespace cale

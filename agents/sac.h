@@ -101,4 +101,8 @@ SacLosses sac_update(SacLearner& learner, const Batch& batch, const SacNoise& no
 /// world with discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
 
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
+/// into `available` bytes (see available_memory) once its memory is full.
+void check_memory(const SacConfig& config, const AgentSpec& spec, std::int64_t available);
+
 }  // namespace cale

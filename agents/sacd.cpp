@@ -8,6 +8,7 @@
 #include <torch/utils.h>
 
 #include "agents/captured_update.h"
+#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/shapes.h"
@@ -207,6 +208,14 @@ class Sacd final : public Agent {
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
     require_discrete("SAC-D", spec);
     return std::make_unique<Sacd>(config, spec);
+}
+
+void check_memory(const SacdConfig& config, const AgentSpec& spec, std::int64_t available) {
+    const SacdNetwork network(config.network.encoder_for(spec), config.network.head(), spec.num_actions,
+                              no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true,
+                                 "agent.hidden_units or agent.hidden_layers"};
+    check_memory(config.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
 }
 
 }  // namespace cale
