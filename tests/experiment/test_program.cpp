@@ -161,8 +161,8 @@ TEST(ProgramEmulator, ARunThatWasStoppedBeforeItsFirstCheckpointCanBeStarted) {
     };
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
     std::filesystem::remove_all(folder / "checkpoints");
-    const auto with_rows =
-        folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n1\n");
+    folder.write("progress.csv", "");
+    folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n1\n");
     EXPECT_EQ(train_sac(small(folder.path())).code, 2) << "what it recorded is not overwritten";
     EXPECT_THAT(resume().stderr_text, testing::HasSubstr("; give --run-dir another folder\n"));
 
