@@ -10,12 +10,14 @@
 #include <torch/types.h>
 
 #include "agents/exploration.h"
+#include "agents/memory.h"
 #include "agents/network_settings.h"
 #include "agents/off_policy.h"
 #include "agents/state.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
 #include "networks/adam.h"
+#include "networks/layers.h"
 
 namespace cale {
 
@@ -43,6 +45,15 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
     visit("tau", settings.tau, Range{0, 1},
           "part of the online network that the target takes on at every gradient step");
+}
+
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless an agent with such a
+/// network fits into `available` bytes once its replay is full.
+inline void check_memory(const ActorCriticSettings& settings, const torch::nn::Module& network,
+                         const AgentSpec& spec, std::int64_t available) {
+    const NetworkMemory networks{parameter_bytes(network), /*target=*/true,
+                                 "agent.hidden_units or agent.hidden_layers"};
+    check_memory(settings.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
 }
 
 /// An actor-critic network, its target, the temperature, and their optimisers.

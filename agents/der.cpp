@@ -99,16 +99,19 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 
 namespace {
 
+QHeadConfig head_of(const DerConfig& config) {
+    return {.num_atoms = config.distributional ? config.num_atoms : 1,
+            .noisy = config.noisy,
+            .initial_sigma = config.noisy_sigma};
+}
+
 struct Der : QState {
     using Config = DerConfig;
     using Losses = DerLosses;
     static constexpr bool kDrawsInUpdates = true;
 
     Der(const DerConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec,
-                 {.num_atoms = settings.distributional ? settings.num_atoms : 1,
-                  .noisy = settings.noisy,
-                  .initial_sigma = settings.noisy_sigma}),
+        : QState(settings, spec, head_of(settings)),
           config(settings),
           num_actions(spec.num_actions),
           device(spec.device) {
@@ -161,6 +164,11 @@ void check_settings(const DerConfig&, const AgentSpec& spec) {
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
     check_settings(config, spec);
     return off_policy<Der>(config, spec);
+}
+
+void check_memory(const DerConfig& config, const AgentSpec& spec, std::int64_t available) {
+    check_memory(config, spec, head_of(config), config.prioritised, "agent.hidden_units or agent.num_atoms",
+                 available);
 }
 
 }  // namespace cale

@@ -83,4 +83,8 @@ std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) 
     return off_policy<Dqn>(config, spec);
 }
 
+void check_memory(const DqnConfig& config, const AgentSpec& spec, std::int64_t available) {
+    check_memory(config, spec, QHeadConfig{}, /*prioritised=*/false, "agent.hidden_units", available);
+}
+
 }  // namespace cale

@@ -39,6 +39,11 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvalu
 
 }  // namespace
 
+void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
+                  std::int64_t available) {
+    check_memory(replay_config(settings, spec, prioritised), available);
+}
+
 AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised)
     : settings_(settings),
       spec_(spec),

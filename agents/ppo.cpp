@@ -15,6 +15,7 @@
 #include "agents/advantages.h"
 #include "agents/captured_update.h"
 #include "agents/env_share.h"
+#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/repeated_frame.h"
 #include "agents/state.h"
@@ -133,13 +134,17 @@ PpoLosses ppo_update(PpoLearner& learner, const PpoMinibatch& minibatch, const P
 
 namespace {
 
+PpoNetwork make_network(const PpoConfig& config, const AgentSpec& spec, const at::Generator& generator) {
+    return PpoNetwork(PpoNetworkConfig{.encoder = config.network.encoder_for(spec),
+                                       .torso = config.torso,
+                                       .hidden_layers = config.network.hidden_layers,
+                                       .hidden_units = config.network.hidden_units,
+                                       .log_std = config.log_std},
+                      spec.num_actions, generator);
+}
+
 PpoLearner make_learner(const PpoConfig& config, const AgentSpec& spec) {
-    PpoNetwork network(PpoNetworkConfig{.encoder = config.network.encoder_for(spec),
-                                        .torso = config.torso,
-                                        .hidden_layers = config.network.hidden_layers,
-                                        .hidden_units = config.network.hidden_units,
-                                        .log_std = config.log_std},
-                       spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+    auto network = make_network(config, spec, make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
     const auto per_rollout = config.epochs * (config.rollout_steps / config.minibatch_size);
     const auto whole_run = std::max<std::int64_t>(spec.total_steps / config.rollout_steps * per_rollout, 1);
@@ -391,6 +396,17 @@ std::string_view schedule_over_run(const PpoConfig& config) {
 std::unique_ptr<Agent> make_ppo(const PpoConfig& config, const AgentSpec& spec) {
     check_settings(config, spec);
     return std::make_unique<Ppo>(config, spec);
+}
+
+void check_memory(const PpoConfig& config, const AgentSpec& spec, std::int64_t available) {
+    const auto network = make_network(config, spec, no_values());
+    const auto left = memory_beside(
+        {parameter_bytes(*network), /*target=*/false, "agent.hidden_units or agent.hidden_layers"}, spec,
+        available);
+    // A second time where a checkpoint is written.
+    const auto rollout =
+        2 * config.rollout_steps / spec.processes.size() * spec.stack * spec.frame_height * spec.frame_width;
+    if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
 }
 
 }  // namespace cale

@@ -156,4 +156,8 @@ void check_settings(const PpoConfig& config, const AgentSpec& spec);
 /// See AgentSpec: the learning rate's, unless anneal_steps are given.
 std::string_view schedule_over_run(const PpoConfig& config);
 
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
+/// into `available` bytes (see available_memory) once its memory is full.
+void check_memory(const PpoConfig& config, const AgentSpec& spec, std::int64_t available);
+
 }  // namespace cale

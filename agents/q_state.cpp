@@ -4,19 +4,35 @@
 
 #include <torch/types.h>
 
-namespace cale {
-namespace {
+#include "agents/memory.h"
+#include "networks/layers.h"
 
-QNetwork make_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head) {
+namespace cale {
+
+QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
+                        const at::Generator& generator) {
     head.num_actions = spec.num_actions;
     head.hidden_units = settings.hidden_units;
     head.dueling = settings.dueling;
-    QNetwork network(EncoderConfig{.encoder = settings.encoder,
-                                   .stack = spec.stack,
-                                   .frame_height = spec.frame_height,
-                                   .frame_width = spec.frame_width,
-                                   .padding = settings.padding},
-                     head, initial_values(spec));
+    return QNetwork(EncoderConfig{.encoder = settings.encoder,
+                                  .stack = spec.stack,
+                                  .frame_height = spec.frame_height,
+                                  .frame_width = spec.frame_width,
+                                  .padding = settings.padding},
+                    head, generator);
+}
+
+void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
+                  std::string_view size_settings, std::int64_t available) {
+    const auto network = make_q_network(settings, spec, head, no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, size_settings};
+    check_memory(settings.replay, spec, prioritised, memory_beside(networks, spec, available));
+}
+
+namespace {
+
+QNetwork initial_network(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head) {
+    auto network = make_q_network(settings, spec, head, initial_values(spec));
     network->to(spec.device);
     return network;
 }
@@ -26,8 +42,8 @@ QNetwork make_network(const QSettings& settings, const AgentSpec& spec, QHeadCon
 QState::QState(QNetwork network_, QNetwork target_, const AdamConfig& adam_config)
     : network(std::move(network_)), target(std::move(target_)), adam(network->parameters(), adam_config) {}
 
-QState::QState(const QSettings& settings, const AgentSpec& spec, QHeadConfig head)
-    : QState(make_network(settings, spec, head), make_network(settings, spec, head),
+QState::QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head)
+    : QState(initial_network(settings, spec, head), initial_network(settings, spec, head),
              {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {}
 
 void QState::step(torch::Tensor& loss) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
@@ -43,6 +44,16 @@ void fields(QSettings& settings, Visit&& visit) {
     visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate");
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
 }
+
+/// Returns a network for the spec's observations and actions, on the CPU. `head` says how action values are
+/// represented; its numbers of actions and of hidden units are set here.
+QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
+                        const at::Generator& generator);
+
+/// Throws std::runtime_error, naming what is too large and the `size_settings` to lower, unless an agent with
+/// such a network fits into `available` bytes once its replay is full.
+void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
+                  std::string_view size_settings, std::int64_t available);
 
 /// A network for action values, its target, and the optimiser.
 struct QState {

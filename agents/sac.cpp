@@ -90,6 +90,10 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 
 namespace {
 
+SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator) {
+    return SacNetwork(config.network.encoder_for(spec), config.network.head(), generator);
+}
+
 struct Sac : ActorCriticState<SacNetwork> {
     using Config = SacConfig;
     using Losses = SacLosses;
@@ -97,10 +101,7 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     Sac(const SacConfig& settings, const AgentSpec& spec)
         : ActorCriticState(settings, spec,
-                           [&] {
-                               return SacNetwork(settings.network.encoder_for(spec), settings.network.head(),
-                                                 initial_values(spec));
-                           }),
+                           [&] { return make_network(settings, spec, initial_values(spec)); }),
           config(settings) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
@@ -148,6 +149,10 @@ void check_settings(const SacConfig&, const AgentSpec& spec) {
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec) {
     check_settings(config, spec);
     return off_policy<Sac>(config, spec);
+}
+
+void check_memory(const SacConfig& config, const AgentSpec& spec, std::int64_t available) {
+    check_memory(config, *make_network(config, spec, no_values()), spec, available);
 }
 
 }  // namespace cale

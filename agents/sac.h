@@ -78,4 +78,8 @@ std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
 /// See AgentSpec. Throws std::invalid_argument for a world with discrete actions.
 void check_settings(const SacConfig& config, const AgentSpec& spec);
 
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
+/// into `available` bytes (see available_memory) once its memory is full.
+void check_memory(const SacConfig& config, const AgentSpec& spec, std::int64_t available);
+
 }  // namespace cale

@@ -75,6 +75,10 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 
 namespace {
 
+SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator) {
+    return SacdNetwork(config.network.encoder_for(spec), config.network.head(), spec.num_actions, generator);
+}
+
 struct Sacd : ActorCriticState<SacdNetwork> {
     using Config = SacdConfig;
     using Losses = SacdLosses;
@@ -82,10 +86,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
 
     Sacd(const SacdConfig& settings, const AgentSpec& spec)
         : ActorCriticState(settings, spec,
-                           [&] {
-                               return SacdNetwork(settings.network.encoder_for(spec), settings.network.head(),
-                                                  spec.num_actions, initial_values(spec));
-                           }),
+                           [&] { return make_network(settings, spec, initial_values(spec)); }),
           config(settings),
           num_actions(spec.num_actions),
           target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(spec.num_actions))) {}
@@ -123,6 +124,10 @@ void check_settings(const SacdConfig&, const AgentSpec& spec) {
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
     check_settings(config, spec);
     return off_policy<Sacd>(config, spec);
+}
+
+void check_memory(const SacdConfig& config, const AgentSpec& spec, std::int64_t available) {
+    check_memory(config, *make_network(config, spec, no_values()), spec, available);
 }
 
 }  // namespace cale

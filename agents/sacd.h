@@ -74,4 +74,8 @@ std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec
 /// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
 void check_settings(const SacdConfig& config, const AgentSpec& spec);
 
+/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
+/// into `available` bytes (see available_memory) once its memory is full.
+void check_memory(const SacdConfig& config, const AgentSpec& spec, std::int64_t available);
+
 }  // namespace cale

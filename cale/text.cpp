@@ -16,6 +16,50 @@ std::vector<std::string> split(std::string_view text, char separator) {
     return parts;
 }
 
+namespace {
+
+// How many bytes the UTF-8 character has that the text begins with; 0 if it begins with none.
+std::size_t character_size(std::string_view text) {
+    const auto byte = [text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+    const auto first = byte(0);
+    if (first < 0x80) return 1;
+    const std::size_t size = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : 2;
+    if (first < 0xc2 || first > 0xf4 || text.size() < size) return 0;
+    for (std::size_t i = 1; i < size; ++i)
+        if (byte(i) < 0x80 || byte(i) > 0xbf) return 0;
+    const bool overlong = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
+    const bool surrogate = first == 0xed && byte(1) > 0x9f;
+    const bool too_large = first == 0xf4 && byte(1) > 0x8f;
+    return overlong || surrogate || too_large ? 0 : size;
+}
+
+bool is_control(std::string_view character) {
+    const auto byte = static_cast<unsigned char>(character.back());
+    if (character.size() == 1) return byte < 0x20 || byte == 0x7f;
+    return character.size() == 2 && character.front() == '\xc2' && byte < 0xa0;  // C1
+}
+
+}  // namespace
+
+std::string printable(std::string_view text) {
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    std::string line;
+    while (!text.empty()) {
+        const auto size = character_size(text);
+        const auto character = text.substr(0, std::max<std::size_t>(size, 1));
+        if (size > 0 && !is_control(character)) {
+            line += character;
+        } else {
+            for (const char c : character) {
+                const auto byte = static_cast<unsigned char>(c);
+                line += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]};
+            }
+        }
+        text.remove_prefix(character.size());
+    }
+    return line;
+}
+
 std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> before(b.size() + 1);  // row i - 1
     std::vector<std::size_t> row(b.size() + 1);     // row i

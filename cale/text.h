@@ -24,6 +24,10 @@ std::optional<Number> number_in(std::string_view text) {
     return number;
 }
 
+/// The text as one line that a terminal shows and does not obey: control characters (C0, DEL, C1) and bytes
+/// that are not UTF-8 are written as \x1b. For whatever is quoted from a file.
+std::string printable(std::string_view text);
+
 /// How many mistakes apart two words are: letters put in, left out, replaced, or swapped with their neighbour
 /// (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b);

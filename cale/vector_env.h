@@ -34,6 +34,9 @@ class VectorEnv {
     /// How many threads step the environments of such a configuration, the caller's included.
     static std::int64_t threads(const EnvConfig& config);
 
+    /// About how many bytes the environments of such a configuration take, as measured.
+    static std::int64_t memory_needed(const EnvConfig& config);
+
     std::int64_t size() const;  // how many environments
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;

@@ -203,15 +203,37 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
     return found;
 }
 
+std::vector<fs::path> require_checkpoints(const fs::path& run_dir) {
+    auto found = list_checkpoints(run_dir);
+    if (!found.empty()) return found;
+    std::error_code ignored;
+    const auto folder = fs::weakly_canonical(run_dir, ignored);
+    for (const auto& above : {folder.parent_path(), folder.parent_path().parent_path()}) {
+        if (folder.native().starts_with((above / "checkpoints").native()) && !list_checkpoints(above).empty())
+            throw ResumeError(fmt::format("{} is a part of the run {}; give --run-dir that", run_dir.string(),
+                                          above.string()));
+    }
+    if (!fs::exists(run_dir / "config.yaml"))
+        throw ResumeError(
+            fmt::format("{} holds no run to resume; give --run-dir the folder of one", run_dir.string()));
+    throw ResumeError(fmt::format(
+        "{} holds no checkpoint to resume from; {}", run_dir.string(),
+        has_begun(run_dir) ? "give --run-dir another folder" : "start the run again, without --resume"));
+}
+
+bool has_begun(const fs::path& run_dir) {
+    const auto has_rows = [&](const char* file, std::ptrdiff_t lines_before) {
+        const auto path = run_dir / file;
+        if (!fs::exists(path)) return false;
+        const auto text = read_file(path);
+        return std::count(text.begin(), text.end(), '\n') > lines_before;
+    };
+    return !list_checkpoints(run_dir).empty() || has_rows("episodes.csv", 2) || has_rows("progress.csv", 0);
+}
+
 Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool with_replay,
                                   const std::function<void(const TensorMap&)>& restore_games) {
-    const auto all = list_checkpoints(run_dir);
-    if (all.empty()) {
-        throw ResumeError(fmt::format(
-            "{} holds no checkpoint to resume from; give --run-dir another folder, or delete this "
-            "one to begin again",
-            run_dir.string()));
-    }
+    const auto all = require_checkpoints(run_dir);
     Checkpoint checkpoint;
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
         const auto pass_over = [&](const std::string& why) {

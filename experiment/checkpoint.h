@@ -85,6 +85,13 @@ void delete_other_checkpoints(const std::filesystem::path& run_dir, const std::f
 /// The complete checkpoints of a run, oldest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_dir);
 
+/// The same; throws ResumeError, which says what the folder is instead, where there are none.
+std::vector<std::filesystem::path> require_checkpoints(const std::filesystem::path& run_dir);
+
+/// Whether a run in this folder has come to its first checkpoint, which is written before its first step, or
+/// has left anything else that a new run would destroy.
+bool has_begun(const std::filesystem::path& run_dir);
+
 /// Brings the agent, its replay (if `with_replay`) and the games to the newest checkpoint of the run that can
 /// be read. Every file is compared with the manifest before any is used. `restore_games` takes what
 /// GamesUnderWay::state() gave, and throws where it cannot. Throws ResumeError where no checkpoint can be

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <system_error>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "cale/text.h"
+#include "experiment/agent_of_config.h"
 #include "experiment/columns.h"
 #include "experiment/files.h"
 #include "experiment/versions.h"
@@ -170,6 +173,21 @@ void check_trained_by(std::string_view program, const std::filesystem::path& run
                                   run_dir.string(), trained_by));
 }
 
+/// Reads the file; where it cannot be, the sentence names the program that it is for.
+void load(ConfigTable& table, const std::filesystem::path& file) {
+    try {
+        table.load(file);
+    } catch (const ConfigError& error) {
+        std::error_code ignored;
+        // What comes out of a pipe has been read.
+        if (!std::filesystem::is_regular_file(file, ignored)) throw;
+        const auto programs = programs_that_take(file);
+        if (programs.empty()) throw;
+        throw ConfigError(
+            fmt::format("{}; this is a configuration of {}", error.what(), fmt::join(programs, " or ")));
+    }
+}
+
 /// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
 void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     CommandLine& line = arguments.line;
@@ -178,7 +196,7 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
         const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
         if (std::filesystem::exists(saved)) line.config_file = saved.string();
     }
-    if (!line.config_file.empty()) table.load(line.config_file);
+    if (!line.config_file.empty()) load(table, line.config_file);
     for (const auto& setting : line.overrides) table.set_override(setting);
     for (const auto& [option, value] : arguments.shortcuts) {
         try {

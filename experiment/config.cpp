@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <system_error>
@@ -46,19 +47,6 @@ struct DocumentStarts : YAML::EventHandler {
     void OnMapEnd() override {}
 };
 
-std::string one_line(std::string_view text) {
-    std::string result;
-    for (const char c : text) {
-        const auto byte = static_cast<unsigned char>(c);
-        if (byte < 0x20 || byte == 0x7f) {
-            result += fmt::format("\\x{:02x}", byte);
-        } else {
-            result += c;
-        }
-    }
-    return result;
-}
-
 // ---- values -------------------------------------------------------------------------
 
 std::string lower(std::string_view text) {
@@ -93,6 +81,15 @@ std::optional<std::int64_t> parse_integer(std::string_view text) {
     const auto value = parse_number(text);
     if (!value || *value != std::trunc(*value) || std::abs(*value) > 0x1p53) return std::nullopt;
     return static_cast<std::int64_t>(*value);
+}
+
+/// Whether it is one, however large.
+bool is_whole_number(std::string_view text) {
+    const auto number = plain_number(text);
+    const auto digits = std::string_view(number).substr(number.starts_with('-') ? 1 : 0);
+    if (!digits.empty() && digits.find_first_not_of("0123456789") == digits.npos) return true;
+    const auto value = parse_number(text);
+    return value && *value == std::trunc(*value);
 }
 
 std::optional<bool> parse_bool(std::string_view text) {
@@ -151,6 +148,12 @@ struct Reader {
     [[noreturn]] void reject(std::string_view what, std::string_view hint = "") const {
         throw ConfigError(fmt::format("{} must be {}, not '{}'{}", entry.key, what, text, hint));
     }
+    /// Of integers, which all fit into 64 bits.
+    std::string range_of_integers() const {
+        constexpr auto kLimits = std::numeric_limits<std::int64_t>();
+        return entry.range_text.empty() ? fmt::format("{} to {}", kLimits.min(), kLimits.max())
+                                        : entry.range_text;
+    }
     template <class Number>
     Number checked(std::optional<Number> value, std::string_view what) const {
         if (!value) reject(what);
@@ -159,7 +162,11 @@ struct Reader {
         return *value;
     }
 
-    void operator()(std::int64_t* member) const { *member = checked(parse_integer(text), "an integer"); }
+    void operator()(std::int64_t* member) const {
+        const auto value = parse_integer(text);
+        if (!value && is_whole_number(text)) reject(range_of_integers());
+        *member = checked(value, "an integer");
+    }
     void operator()(double* member) const { *member = checked(parse_number(text), "a number"); }
     void operator()(std::optional<double>* member) const {
         if (is_none(text)) {
@@ -231,22 +238,42 @@ std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& en
 
 // ---- files --------------------------------------------------------------------------
 
-/// ": No such file or directory; did you mean 'configs/sac/cale.yaml'?", or what there is in its folder.
-std::string missing_file(const std::filesystem::path& file, std::string_view reason) {
-    namespace fs = std::filesystem;
-    std::string text(reason);
-    std::error_code ignored;
-    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+/// The names of the configurations in a folder.
+std::vector<std::string> configurations_in(const std::filesystem::path& folder) {
     std::vector<std::string> names;
-    for (const auto& item : fs::directory_iterator(folder, ignored)) {
+    std::error_code ignored;
+    for (const auto& item : std::filesystem::directory_iterator(folder, ignored)) {
         if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
     }
-    std::sort(names.begin(), names.end());
+    std::ranges::sort(names);
+    return names;
+}
+
+/// "a.yaml, b.yaml", or the first few and how many there are.
+std::string listed(std::vector<std::string> names) {
+    constexpr std::size_t kMost = 6;
+    const auto all = names.size();
+    names.resize(std::min(all, kMost));
+    return fmt::format("{}{}", fmt::join(names, ", "),
+                       all > kMost ? fmt::format(", ... ({} in all)", all) : "");
+}
+
+/// The operating system's reason and the way out: "No such file or directory; did you mean
+/// 'configs/sac/200m.yaml'?", or what there is in the folder.
+std::string unreadable(const std::filesystem::path& file, const std::error_code& reason) {
+    namespace fs = std::filesystem;
+    std::string text = reason.message();
+    if (reason == std::errc::is_a_directory) {
+        const auto names = configurations_in(file);
+        return names.empty() ? text : fmt::format("{}; give a file in it: {}", text, listed(names));
+    }
+    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    const auto names = configurations_in(folder);
     const auto guess = nearest(file.filename().string(), names);
     if (!guess.empty()) {
         text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
     } else if (!names.empty()) {
-        text += fmt::format("; '{}' has {}", folder.string(), fmt::join(names, ", "));
+        text += fmt::format("; '{}' has {}", folder.string(), listed(names));
     }
     return text;
 }
@@ -262,7 +289,9 @@ class YamlReader {
             text = read_file(file);
         } catch (const std::system_error& error) {
             throw ConfigError(fmt::format("{}cannot read '{}': {}", asked_by, file.string(),
-                                          missing_file(file, error.code().message())));
+                                          unreadable(file, error.code())));
+        } catch (const std::runtime_error& error) {
+            throw ConfigError(asked_by + error.what());
         }
         std::error_code ignored;  // a pipe has no canonical name, and cannot be extended
         const auto canonical = std::filesystem::weakly_canonical(file, ignored);
@@ -377,7 +406,10 @@ class YamlReader {
         if (!table_.has(key)) fail(file, key_node, unknown_key(key, table_.entries()));
         const auto& entry = table_.at(key);
         if (!value.IsScalar() && !value.IsNull()) {
-            fail(file, value, fmt::format("{} must be a single value ({})", key, entry.type));
+            fail(file, value,
+                 fmt::format(
+                     "{} must be a single value ({}){}", key, entry.type,
+                     value.IsSequence() ? "; `cale sweep` trains a run for each value of a list" : ""));
         }
         const bool is_text = std::holds_alternative<std::string*>(entry.member);
         const bool may_be_absent = is_text || std::holds_alternative<std::optional<double>*>(entry.member);
@@ -396,14 +428,14 @@ class YamlReader {
 
 }  // namespace
 
-ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(one_line(sentence)) {}
+ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(printable(sentence)) {}
 
 std::string nearest(std::string_view text, std::span<const std::string> candidates) {
     std::string best;
     // A third of the letters may be wrong, and two always.
     std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
     for (const auto& candidate : candidates) {
-        const auto distance = edit_distance(text, candidate);
+        const auto distance = edit_distance(lower(text), lower(candidate));
         // Nothing in common is no misspelling, however short.
         if (distance < limit && distance < std::max(text.size(), candidate.size())) {
             limit = distance;
@@ -413,15 +445,48 @@ std::string nearest(std::string_view text, std::span<const std::string> candidat
     return best;
 }
 
-void ConfigEntry::set(std::string_view text) const {
-    if (check) {
+namespace {
+
+void read_value(const ConfigEntry& entry, std::string_view text) {
+    if (entry.check) {
         try {
-            check(std::string(text));
+            entry.check(std::string(text));
         } catch (const std::invalid_argument& error) {
-            throw ConfigError(fmt::format("{}: {}", key, error.what()));
+            throw ConfigError(fmt::format("{}: {}", entry.key, error.what()));
         }
     }
-    std::visit(Reader{*this, text}, member);
+    std::visit(Reader{entry, text}, entry.member);
+}
+
+/// Whether the text is a list as a sweep has it, "1..3" or "pong,breakout", of values that the entry takes.
+bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
+    auto values = split(text, ',');
+    if (const auto dots = text.find(".."); values.size() == 1 && dots != text.npos)
+        values = {std::string(text.substr(0, dots)), std::string(text.substr(dots + 2))};
+    if (values.size() < 2) return false;
+    const auto before = entry.get();
+    const bool all_fit = std::ranges::all_of(values, [&](const std::string& value) {
+        try {
+            read_value(entry, value);
+            return true;
+        } catch (const ConfigError&) {
+            return false;
+        }
+    });
+    read_value(entry, before);
+    return all_fit;
+}
+
+}  // namespace
+
+void ConfigEntry::set(std::string_view text) const {
+    try {
+        read_value(*this, text);
+    } catch (const ConfigError&) {
+        if (!is_list_of_values(*this, text)) throw;
+        throw ConfigError(fmt::format(
+            "{} takes one value, not '{}'; `cale sweep` trains a run for each value of a list", key, text));
+    }
 }
 
 std::string ConfigEntry::get() const {

@@ -9,6 +9,8 @@
 #include <iterator>
 #include <limits>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
 
@@ -148,7 +150,8 @@ void Console::header(std::string_view title, std::span<const std::pair<std::stri
     std::size_t widest = 0;
     for (const auto& [label, value] : facts) widest = std::max(widest, label.size());
     fmt::print(out_, "{}\n", title);
-    for (const auto& [label, value] : facts) fmt::print(out_, "  {:<{}}  {}\n", label, widest, value);
+    for (const auto& [label, value] : facts)
+        fmt::print(out_, "  {:<{}}  {}\n", label, widest, printable(value));
     fmt::print(out_, "\n");
     std::fflush(out_);
 }
@@ -183,7 +186,7 @@ void Console::clear() {
 }
 
 void Console::message(std::string_view text) {
-    fmt::print(out_, "{}{}\n", drawn_ ? "\r\033[K" : "", text);
+    fmt::print(out_, "{}{}\n", drawn_ ? "\r\033[K" : "", printable(text));
     std::fflush(out_);
     drawn_ = false;
     next_draw_ = {};

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cale/random_play.h"
+#include "cale/text.h"
 #include "experiment/config.h"
 #include "experiment/files.h"
 #include "experiment/versions.h"
@@ -52,7 +53,7 @@ std::string evaluation_text(const EvaluationReport& report) {
     const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
     std::string text;
     const auto line = [&text](std::string_view name, const std::string& value) {
-        text += fmt::format("{:<20}  {}\n", name, value);
+        text += fmt::format("{:<20}  {}\n", name, printable(value));
     };
     const std::string steps = provenance(policy, "agent_steps");
     line("policy", fmt::format("{} on {}{}, {}", policy.agent, policy.game,

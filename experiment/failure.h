@@ -6,8 +6,9 @@
 
 namespace cale {
 
-/// What went wrong, in one sentence: what() for most errors. LibTorch's are given without their stack trace,
-/// and those of memory that ran out and of files with the way out that they do not name themselves.
+/// What went wrong, in one printable() sentence: what() for most errors. LibTorch's are given without their
+/// stack trace, and those of memory that ran out and of files with the way out that they do not name
+/// themselves.
 std::string failure_sentence(const std::exception& error);
 
 }  // namespace cale

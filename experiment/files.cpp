@@ -1,11 +1,15 @@
 #include "experiment/files.h"
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
+#include <stdexcept>
+#include <string>
 #include <system_error>
 #include <utility>
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -74,6 +78,34 @@ class TemporaryFile {
     bool published_ = false;
 };
 
+std::string read_stream(const Descriptor& file, const std::filesystem::path& path, const struct stat& status,
+                        const StreamLimits& limits) {
+    const auto refuse = [&](const std::string& why) {
+        throw std::runtime_error("cannot read '" + path.string() + "': it is no regular file, and " + why);
+    };
+    const bool is_pipe = S_ISFIFO(status.st_mode);
+    std::string bytes;
+    std::array<char, 4096> block{};
+    while (true) {
+        const ssize_t count = ::read(file.get(), block.data(), block.size());
+        if (count < 0 && errno == EINTR) continue;
+        if (count < 0 && errno != EAGAIN) fail("read", path);
+        if (count > 0) {
+            bytes.append(block.data(), static_cast<std::size_t>(count));
+            if (bytes.size() > limits.bytes)
+                refuse("more comes out of it than " + std::to_string(limits.bytes) + " bytes");
+            continue;
+        }
+        // A pipe that holds nothing may yet get a writer; without one it looks as at its end.
+        if (count == 0 && (!is_pipe || !bytes.empty())) return bytes;
+        pollfd waiting{.fd = file.get(), .events = POLLIN, .revents = 0};
+        const int answer = ::poll(&waiting, 1, static_cast<int>(limits.silence.count()));
+        if (answer < 0 && errno != EINTR) fail("read", path);
+        if (answer == 0) refuse("nothing came out of it in time");
+        if (answer > 0 && count == 0 && (waiting.revents & POLLIN) == 0) refuse("nothing came out of it");
+    }
+}
+
 }  // namespace
 
 void sync_name(const std::filesystem::path& path) {
@@ -85,11 +117,13 @@ void sync_name(const std::filesystem::path& path) {
     if (::fsync(folder.get()) != 0 && errno != EINVAL) fail("write", path);
 }
 
-std::string read_file(const std::filesystem::path& path) {
-    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+std::string read_file(const std::filesystem::path& path, const StreamLimits& limits) {
+    // Without O_NONBLOCK a FIFO that nobody writes to would be waited for here.
+    const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     struct stat status {};
     if (file.get() < 0 || ::fstat(file.get(), &status) != 0) fail("read", path);
     if (S_ISDIR(status.st_mode)) fail("read", path, EISDIR);
+    if (!S_ISREG(status.st_mode)) return read_stream(file, path, status, limits);
     std::string bytes;
     bytes.resize(static_cast<std::size_t>(status.st_size));
     std::size_t size = 0;

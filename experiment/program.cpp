@@ -19,17 +19,22 @@
 #include <torch/types.h>
 #include <nlohmann/json.hpp>
 
+#include "agents/memory.h"
 #include "cale/games.h"
 #include "cale/vector_env.h"
 #include "experiment/checkpoint.h"
 #include "experiment/command_line.h"
+#include "experiment/console.h"
 #include "experiment/failure.h"
 #include "experiment/files.h"
+#include "experiment/new_folder.h"
 #include "experiment/resume.h"
 #include "experiment/run_lock.h"
+#include "experiment/standard_output.h"
 #include "experiment/threads.h"
 #include "experiment/training.h"
 #include "experiment/versions.h"
+#include "replay/available_memory.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -127,21 +132,26 @@ fs::path choose_run_dir(const CommandLine& line, const Program& program, const G
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
-/// A new run's folder; refuses one that holds a run.
-void create_run_dir(const fs::path& run_dir) {
-    for (const auto* name : {"episodes.csv", "config.yaml", "checkpoints"}) {
-        if (fs::exists(run_dir / name)) {
-            throw ConfigError(
-                fmt::format("--run-dir {}: a run is in there already; choose another folder, or go on with "
-                            "it by --resume",
-                            run_dir.string()));
-        }
-    }
-    std::error_code refused;
-    fs::create_directories(run_dir, refused);
-    if (refused) {
+/// Refuses a folder that holds a run, but for one that was stopped before its first checkpoint.
+void require_no_run(const fs::path& run_dir) {
+    const bool config_of_a_user =
+        fs::exists(run_dir / "config.yaml") && !fs::exists(run_dir / "metadata.json");
+    if (!config_of_a_user && !has_begun(run_dir)) return;
+    throw ConfigError(
+        fmt::format("--run-dir {}: a run is in there already; choose another folder, or go on with "
+                    "it by --resume",
+                    run_dir.string()));
+}
+
+/// Without --run-dir nobody else gets the same.
+NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
+    try {
+        if (line.run_dir.empty()) return NewFolder::with_a_free_name(run_dir);
+        require_no_run(run_dir);
+        return NewFolder(run_dir);
+    } catch (const fs::filesystem_error& error) {
         throw ConfigError(fmt::format("--run-dir {}: the folder cannot be made ({}); choose another one",
-                                      run_dir.string(), refused.message()));
+                                      run_dir.string(), error.code().message()));
     }
 }
 
@@ -173,6 +183,7 @@ void check_length(const Program& program, const fs::path& run_dir) {
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
 /// and do not make other games of those under way.
 std::string accepted_changes(const Program& program, const fs::path& run_dir, bool accept) {
+    require_checkpoints(run_dir);
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
         throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
@@ -255,9 +266,43 @@ std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec)
     }
 }
 
+/// Before anything large is made: its initial values alone can take minutes.
+void check_memory(const Program& program, const AgentSpec& spec) {
+    auto env = program.env;
+    env.num_envs = spec.num_envs;
+    const auto available = available_memory();
+    const auto environments = VectorEnv::memory_needed(env);
+    if (environments > available)
+        refuse_memory(fmt::format("{} environments", env.num_envs), environments, available,
+                      "lower env.num_envs");
+    if (program.check_memory) program.check_memory(spec, available - environments);
+}
+
+using Facts = std::vector<std::pair<std::string, std::string>>;
+
+/// What a run is, for who watches it.
+Facts header_of(const Program& program, const AgentSpec& spec, const fs::path& run_dir,
+                const std::string& machine) {
+    return {
+        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
+        {"protocol", fmt::format("sticky {}, life loss {}", program.env.sticky_probability,
+                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
+        {"actions", spec.num_actions > 0 ? fmt::format("{} joystick events", spec.num_actions)
+                                         : fmt::format("continuous, threshold {}", program.env.threshold)},
+        {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
+                                    grouped(program.train.total_steps * program.env.frame_skip))},
+        {"environments", fmt::format("{}", program.env.num_envs)},
+        {"device", machine},
+        {"seed", fmt::format("{}", program.train.seed)},
+        {"run folder", run_dir.string()}};
+}
+
 int run(const Program& program, int argc, const char* const* argv) {
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
-    if (line.finished) return kDone;
+    if (line.finished) {
+        flush_standard_output();
+        return kDone;
+    }
 
     const Game* game = nullptr;
     fs::path rom;
@@ -280,7 +325,7 @@ int run(const Program& program, int argc, const char* const* argv) {
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const ProcessGroup processes = join_processes(place, program, device);
-    const fs::path run_dir = choose_run_dir(line, program, *game);
+    fs::path run_dir = choose_run_dir(line, program, *game);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
     const int threads =
@@ -293,14 +338,30 @@ int run(const Program& program, int argc, const char* const* argv) {
     spec.processes = processes;
     spec.num_actions = count_actions(program.env);
     spec.device = device;
+    check_memory(program, spec);
+
+    std::optional<NewFolder> folder;  // the other processes of a run write nothing
+    if (!line.resume && processes.first()) {
+        folder.emplace(make_run_dir(line, run_dir));
+        run_dir = folder->path();
+    }
+    // Networks and environments may take a while to make.
+    if (processes.first()) {
+        Console(stderr).header(
+            fmt::format("{} on ALE/{}-v5", program.agent_name, game->name),
+            header_of(program, spec, run_dir,
+                      fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                                  processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
+    }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
     std::optional<RunLock> lock;
     if (processes.first()) {
-        if (!line.resume) create_run_dir(run_dir);
         lock.emplace(run_dir);
         if (!line.resume) {
-            write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+            require_no_run(run_dir);  // that came and went while the agent was made
+            // In this order: see require_no_run().
             write_metadata(run_dir, program, *game, rom, device, threads, processes.size(), argc, argv);
+            write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         }
     }
 
@@ -318,19 +379,6 @@ int run(const Program& program, int argc, const char* const* argv) {
     };
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
-    options.header = {
-        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
-        {"protocol", fmt::format("sticky {}, life loss {}", program.env.sticky_probability,
-                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
-        {"actions", spec.num_actions > 0 ? fmt::format("{} joystick events", spec.num_actions)
-                                         : fmt::format("continuous, threshold {}", program.env.threshold)},
-        {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
-                                    grouped(program.train.total_steps * program.env.frame_skip))},
-        {"environments", fmt::format("{}", program.env.num_envs)},
-        {"device", fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
-                               processes.alone() ? "" : fmt::format(", {} processes", processes.size()))},
-        {"seed", fmt::format("{}", program.train.seed)},
-        {"run folder", run_dir.string()}};
     for (const auto& entry : program.table.entries())
         options.hyperparameters.emplace_back(entry.key, entry.get());
 

@@ -1,6 +1,7 @@
 // What every training program does around its algorithm.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -24,6 +25,8 @@ struct Program {
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
     bool several_processes = false;                    // can train one agent together: see ProcessGroup
     std::function<std::string()> schedule_over_run{};  // see AgentSpec
+    /// Throws std::runtime_error unless the agent fits into so many bytes. None: it is not known beforehand.
+    std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
 };
 
 /// Reads the command line, makes or opens the run's folder, trains.
@@ -52,7 +55,7 @@ int run_program(const std::string& agent_name, const std::string& description,
                 const char* const* argv) {
     RunConfig<AgentConfig> config;
     ConfigTable table = settings_of(config);
-    const Program program{
+    Program program{
         .name = "train_" + agent_name,
         .agent_name = agent_name,
         .description = description,
@@ -65,6 +68,11 @@ int run_program(const std::string& agent_name, const std::string& description,
         .several_processes = trains_in_several_processes<AgentConfig>(),
         .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
     };
+    if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
+        program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
+            check_memory(config.agent, spec, available);
+        };
+    }
     return run_program(program, argc, argv);
 }
 

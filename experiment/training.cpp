@@ -158,9 +158,8 @@ class Run {
     }
 
   private:
-    /// Says what is trained, and brings agent and games to where the run stood.
+    /// Brings agent and games to where the run stood.
     std::optional<Checkpoint> begin() {
-        console_.header(fmt::format("{} on {}", options_.agent_name, env_id_), options_.header);
         if (!options_.resume) return std::nullopt;
         return load_newest_checkpoint(options_.run_dir, agent_, config_.save_replay,
                                       [this](const TensorMap& games) { games_.restore(games); });

@@ -23,7 +23,6 @@ struct TrainOptions {
     ProcessGroup processes{};  // that train together; the first one writes the files
     std::string agent_name;    // "sac", for episodes.csv
     std::string config;        // all settings as YAML, for the checkpoints
-    std::vector<std::pair<std::string, std::string>> header;           // what the console shows first
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };
 

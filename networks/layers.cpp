@@ -33,7 +33,18 @@ Initialiser glorot_uniform() {
     };
 }
 
+std::int64_t parameter_bytes(const torch::nn::Module& module) {
+    std::int64_t bytes = 0;
+    for (const auto& parameter : module.parameters()) bytes += parameter.numel() * parameter.element_size();
+    return bytes;
+}
+
 namespace {
+
+/// Where a layer that is made with this generator is.
+torch::Device device_for(const at::Generator& generator) {
+    return generator.defined() ? torch::kCPU : torch::kMeta;
+}
 
 /// x W^T + b.
 torch::Tensor affine(const torch::Tensor& x, const torch::Tensor& weight, const torch::Tensor& bias) {
@@ -46,9 +57,9 @@ torch::Tensor affine(const torch::Tensor& x, const torch::Tensor& weight, const 
 
 DenseImpl::DenseImpl(std::int64_t in, std::int64_t out, const Initialiser& initialise,
                      at::Generator generator)
-    : weight(register_parameter("weight", torch::empty({out, in}))),
-      bias(register_parameter("bias", torch::zeros({out}))) {
-    initialise(weight, std::move(generator));
+    : weight(register_parameter("weight", torch::empty({out, in}, device_for(generator)))),
+      bias(register_parameter("bias", torch::zeros({out}, device_for(generator)))) {
+    if (generator.defined()) initialise(weight, std::move(generator));
 }
 
 torch::Tensor DenseImpl::forward(const torch::Tensor& x) const {
@@ -57,10 +68,11 @@ torch::Tensor DenseImpl::forward(const torch::Tensor& x) const {
 
 NoisyDenseImpl::NoisyDenseImpl(std::int64_t in, std::int64_t out, double initial_sigma,
                                at::Generator generator)
-    : weight_mu(register_parameter("weight_mu", torch::empty({out, in}))),
-      weight_sigma(register_parameter("weight_sigma", torch::empty({out, in}))),
-      bias_mu(register_parameter("bias_mu", torch::empty({out}))),
-      bias_sigma(register_parameter("bias_sigma", torch::empty({out}))) {
+    : weight_mu(register_parameter("weight_mu", torch::empty({out, in}, device_for(generator)))),
+      weight_sigma(register_parameter("weight_sigma", torch::empty({out, in}, device_for(generator)))),
+      bias_mu(register_parameter("bias_mu", torch::empty({out}, device_for(generator)))),
+      bias_sigma(register_parameter("bias_sigma", torch::empty({out}, device_for(generator)))) {
+    if (!generator.defined()) return;
     const torch::NoGradGuard no_grad;
     const double bound = 1 / std::sqrt(static_cast<double>(in));
     for (auto* mu : {&weight_mu, &bias_mu}) mu->uniform_(-bound, bound, generator);
@@ -89,12 +101,12 @@ std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64
 
 ConvImpl::ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t stride,
                    const Initialiser& initialise, at::Generator generator, Padding padding)
-    : weight(register_parameter("weight", torch::empty({out, in, kernel, kernel}))),
+    : weight(register_parameter("weight", torch::zeros({out, in, kernel, kernel}))),
       bias(register_parameter("bias", torch::zeros({out}))),
       kernel_(kernel),
       stride_(stride),
       padding_(padding) {
-    initialise(weight, std::move(generator));
+    if (generator.defined()) initialise(weight, std::move(generator));
 }
 
 torch::Tensor ConvImpl::forward(const torch::Tensor& x) const {

@@ -18,6 +18,14 @@ namespace cale {
 /// Fills a weight, [out, in] or [out, in, rows, columns], on the CPU.
 using Initialiser = std::function<void(torch::Tensor& weight, at::Generator generator)>;
 
+/// What layers are made with to be counted. Dense ones then have shapes, no values, and take no memory
+/// (LibTorch's device "meta"); convolutions, which are small, are zero.
+inline at::Generator no_values() {
+    return {};
+}
+/// Bytes of all parameters of a module.
+std::int64_t parameter_bytes(const torch::nn::Module& module);
+
 /// A (semi-)orthogonal [out, in * rows * columns] matrix times `gain` (Saxe et al. 2014).
 Initialiser orthogonal(double gain = 1);
 /// Uniform within +-sqrt(6 / (fan_in + fan_out)); fans count the receptive field (Glorot & Bengio 2010).

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "cale/action.h"
+#include "cale/text.h"
 #include "report/csv.h"
 
 namespace cale {
@@ -222,14 +223,16 @@ std::string runs_text(const Comparison& comparison) {
 std::string to_text(const Table& table) {
     std::vector<std::size_t> widths(table.header.size(), 0);
     const auto measure = [&](const std::vector<std::string>& row) {
-        for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+        for (std::size_t i = 0; i < row.size(); ++i)
+            widths[i] = std::max(widths[i], printable(row[i]).size());
     };
     measure(table.header);
     for (const auto& row : table.rows) measure(row);
     std::string text;
     const auto write = [&](const std::vector<std::string>& row) {
         std::string line;
-        for (std::size_t i = 0; i < row.size(); ++i) line += fmt::format("{:<{}}  ", row[i], widths[i]);
+        for (std::size_t i = 0; i < row.size(); ++i)
+            line += fmt::format("{:<{}}  ", printable(row[i]), widths[i]);
         text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
     };
     write(table.header);

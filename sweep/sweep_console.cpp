@@ -7,6 +7,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
 
@@ -24,7 +26,7 @@ SweepConsole::SweepConsole(std::FILE* out, bool live_table)
 
 void SweepConsole::say(const std::string& line) {
     clear();
-    fmt::print(out_, "{}\n", line);
+    fmt::print(out_, "{}\n", printable(line));
     std::fflush(out_);
     if (live_) next_ = {};
 }

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cale/text.h"
 #include "experiment/columns.h"
 #include "experiment/console.h"
 
@@ -75,7 +76,7 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
                             row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
                             running ? duration_text(seconds_left(row)) : "-");
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
-            text += shortened("  " + row.status.message, width) + "\n";
+            text += shortened("  " + printable(row.status.message), width) + "\n";
         // Every key of it is needed.
         if (row.status.state == RunPhase::refused) text += wrap(row.status.message, 2, width);
     }

@@ -13,6 +13,7 @@
 #include "experiment/command_line.h"
 #include "experiment/config.h"
 #include "experiment/failure.h"
+#include "experiment/standard_output.h"
 #include "train/commands.h"
 #include "train/help.h"
 #include "train/usage.h"
@@ -32,7 +33,12 @@ std::vector<std::string> words_of(int argc, char** argv) {
 void run(CLI::App& app, std::vector<std::string> words) {
     cale::check_first_word(app, words.front());
     std::ranges::reverse(words);  // as CLI11 wants them
-    app.parse(std::move(words));
+    try {
+        app.parse(std::move(words));
+    } catch (const CLI::ParseError& error) {
+        if (error.get_exit_code() != 0) throw cale::ConfigError(cale::usage_sentence(app, error));
+        app.exit(error);  // prints what --help and --version ask for
+    }
 }
 
 }  // namespace
@@ -71,13 +77,11 @@ int main(int argc, char** argv) {
     };
     try {
         run(app, words);
-    } catch (const CLI::ParseError& error) {
-        if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-        return fail(cale::ConfigError(cale::usage_sentence(app, error)).what(), 2);
+        cale::flush_standard_output();
     } catch (const cale::ConfigError& error) {
         return fail(error.what(), 2);
     } catch (const std::invalid_argument& error) {
-        return fail(error.what(), 2);
+        return fail(cale::failure_sentence(error), 2);
     } catch (const std::exception& error) {
         return fail(cale::failure_sentence(error), 1);
     }

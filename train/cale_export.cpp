@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "cale/text.h"
 #include "experiment/export.h"
 #include "train/commands.h"
 #include "train/usage.h"
@@ -41,10 +42,11 @@ void add_export(CLI::App& app) {
         const auto info = write(options->from, output);
         const auto origin = [&](const char* name) {
             const auto found = info.provenance.find(name);
-            return found == info.provenance.end() ? std::string("unknown") : found->second;
+            return found == info.provenance.end() ? std::string("unknown") : printable(found->second);
         };
-        fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output, info.agent,
-                   info.game, info.encoder, origin("agent_steps"), origin("seed"),
+        fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output,
+                   printable(info.agent), printable(info.game), printable(info.encoder),
+                   origin("agent_steps"), origin("seed"),
                    static_cast<double>(std::filesystem::file_size(output)) / 1e6);
     });
 }

@@ -10,6 +10,7 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include "cale/text.h"
 #include "experiment/versions.h"
 #include "report/report.h"
 #include "report/tables.h"
@@ -81,10 +82,11 @@ void report(Options options) {
     const auto files = write_report(comparison, origin, folder);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
-    for (const auto& note : comparison.notes) fmt::print("note: {}\n", note);
+    for (const auto& note : comparison.notes) fmt::print("note: {}\n", printable(note));
     for (const auto* left_out :
          {&comparison.left_out_games, &comparison.left_out_runs, &comparison.left_out_baselines}) {
-        for (const auto& [what, why] : *left_out) fmt::print("left out: {}: {}\n", what, why);
+        for (const auto& [what, why] : *left_out)
+            fmt::print("left out: {}: {}\n", printable(what), printable(why));
     }
     fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv)\n", files.front().string(),
                files.size() - 1);

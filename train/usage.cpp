@@ -14,6 +14,7 @@
 
 #include "cale/text.h"
 #include "experiment/config.h"
+#include "train/train_programs.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -125,6 +126,16 @@ void check_first_word(const CLI::App& program, const std::string& word) {
     }
     const auto commands = command_names(program);
     if (std::ranges::find(commands, word) != commands.end()) return;
+    std::vector<std::string> programs;
+    for (const auto& train_program : train_programs()) programs.push_back(train_program.name);
+    for (const auto& name : {word, "train_" + word}) {
+        if (std::ranges::find(programs, name) == programs.end()) continue;
+        throw ConfigError(
+            fmt::format("{0} is a program of its own: {0} env.game=pong (see {0} --help)", name));
+    }
+    if (word == "train" || !nearest(word, programs).empty())
+        throw ConfigError(fmt::format("unknown command '{}'; agents are trained by programs of their own: {}",
+                                      word, fmt::join(programs, ", ")));
     const auto guess = hint(word, commands);
     throw ConfigError(
         fmt::format("unknown command '{}'{}", word, guess.empty() ? "; cale --help lists them" : guess));

@@ -34,5 +34,15 @@ TEST(Text, LettersThatChangedPlacesAreOneMistake) {
     EXPECT_EQ(edit_distance("", "pong"), 4u);
 }
 
+TEST(Text, WhatATerminalWouldObeyIsWrittenOut) {
+    EXPECT_EQ(printable("Müller's 100 % \\ ok"), "Müller's 100 % \\ ok");
+    EXPECT_EQ(printable("\x1b[2J\r\n\t\x7f"), "\\x1b[2J\\x0d\\x0a\\x09\\x7f");
+    EXPECT_EQ(printable(std::string_view("\0", 1)), "\\x00");
+    EXPECT_EQ(printable("\xc2\x9b[2J"), "\\xc2\\x9b[2J") << "the same in one character";
+    EXPECT_EQ(printable("m\xfcller\xe2\x82"), "m\\xfcller\\xe2\\x82") << "not UTF-8";
+    EXPECT_EQ(printable("\xc0\xaf\xed\xa0\x80"), "\\xc0\\xaf\\xed\\xa0\\x80") << "overlong, half a character";
+    EXPECT_EQ(printable("\xe2\x82\xac\xf0\x9f\x8e\xae"), "\xe2\x82\xac\xf0\x9f\x8e\xae");
+}
+
 }  // namespace
 }  // namespace cale

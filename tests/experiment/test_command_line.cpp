@@ -16,6 +16,7 @@ namespace {
 
 using test::TemporaryFolder;
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
@@ -143,6 +144,14 @@ TEST_F(CommandLineTest, ARunOfAnotherAgentIsNamedAsSuch) {
         folder_.write("metadata.json", damaged);
         parse({"--resume", "--run-dir", run_dir});
     }
+}
+
+TEST_F(CommandLineTest, AConfigurationOfAnotherAgentIsNamedAsSuch) {
+    const auto of_der =
+        folder_.write("x.yaml", "agent:\n  num_atoms: 51\n  dueling: true\n  noisy: true\n").string();
+    EXPECT_THAT(error({"--config", of_der}), EndsWith("; this is a configuration of train_der"));
+    const auto of_nobody = folder_.write("y.yaml", "agent:\n  num_atoms: 51\n  tau: 0.1\n").string();
+    EXPECT_THAT(error({"--config", of_nobody}), Not(HasSubstr("this is a configuration")));
 }
 
 TEST_F(CommandLineTest, MistakesAreOneSentence) {

@@ -213,6 +213,43 @@ TEST_F(Config, Enumerations) {
               "fruit.flavour must be one of sweet, sour, bitter, not 'umami'");
 }
 
+TEST_F(Config, NamesInCapitalsAreMisspelled) {
+    EXPECT_EQ(set_error("fruit.flavour", "BITTER"),
+              "fruit.flavour must be one of sweet, sour, bitter, not 'BITTER'; did you mean 'bitter'?");
+    EXPECT_EQ(set_error("fruit.flavour", "Sower"),
+              "fruit.flavour must be one of sweet, sour, bitter, not 'Sower'; did you mean 'sour'?");
+    EXPECT_EQ(override_error("FRUIT.Weight=1"),
+              "--set FRUIT.Weight=1: unknown key 'FRUIT.Weight'; did you mean 'fruit.weight'?");
+}
+
+TEST_F(Config, LargeNumbersAreIntegersOutOfRange) {
+    for (const std::string number :
+         {"12345678901234567890", "-12345678901234567890", "1e30", "1_000_000_000_000_000_000_000"})
+        EXPECT_EQ(set_error("fruit.count", number), "fruit.count must be 1 to 1e12, not '" + number + "'");
+    EXPECT_EQ(set_error("fruit.count", "1.5"), "fruit.count must be an integer, not '1.5'");
+    EXPECT_EQ(set_error("fruit.count", "12345678901234567890x"),
+              "fruit.count must be an integer, not '12345678901234567890x'");
+}
+
+TEST_F(Config, ListsAreForSweeps) {
+    table_.check("fruit.label", [](const std::string& text) {
+        if (text != "apple" && text != "pear")
+            throw std::invalid_argument("there is no fruit '" + text + "'");
+    });
+    const std::string way_out = "'; `cale sweep` trains a run for each value of a list";
+    EXPECT_EQ(set_error("fruit.label", "apple,pear"),
+              "fruit.label takes one value, not 'apple,pear" + way_out);
+    EXPECT_EQ(set_error("fruit.count", "1..3"), "fruit.count takes one value, not '1..3" + way_out);
+    EXPECT_EQ(set_error("fruit.flavour", "sweet,sour"),
+              "fruit.flavour takes one value, not 'sweet,sour" + way_out);
+    EXPECT_EQ(fruit_, FruitConfig{});
+    EXPECT_EQ(set_error("fruit.label", "apple,stone"), "fruit.label: there is no fruit 'apple,stone'");
+    EXPECT_EQ(
+        load_error("fruit:\n  label: [apple, pear]\n"),
+        "x.yaml:2:10: fruit.label must be a single value (text); `cale sweep` trains a run for each value of "
+        "a list");
+}
+
 TEST_F(Config, RangesIncludeTheirEnds) {
     table_.at("fruit.weight").set("0");
     table_.at("fruit.weight").set("1");
@@ -282,8 +319,6 @@ TEST_F(Config, WrongValuesNameTheirPlace) {
     EXPECT_EQ(load_error("fruit:\n  count: many\n"),
               "x.yaml:2:10: fruit.count must be an integer, not 'many'");
     EXPECT_EQ(load_error("fruit:\n  weight: 1.5\n"), "x.yaml:2:11: fruit.weight must be 0 to 1, not '1.5'");
-    EXPECT_EQ(load_error("fruit:\n  label: [a, b]\n"),
-              "x.yaml:2:10: fruit.label must be a single value (text)");
     EXPECT_EQ(load_error("fruit:\n  label:\n    a: b\n"),
               "x.yaml:3:5: fruit.label must be a single value (text)");
     EXPECT_EQ(load_error("fruit: 5\n"),
@@ -325,6 +360,17 @@ TEST_F(Config, SyntaxErrorsNameTheirPlace) {
     EXPECT_THAT(load_error("fruit:\n\tcount: 1\n"), StartsWith("x.yaml:2:7: not valid YAML: "));
     EXPECT_THAT(load_error("fruit:\n  label: *nothing\n"), StartsWith("x.yaml:2:10: not valid YAML: "));
     EXPECT_THAT(load_error(std::string(100'000, '[')), HasSubstr(": not valid YAML: "));
+}
+
+TEST_F(Config, OfManyFilesAFewAreListed) {
+    for (int i = 10; i < 41; ++i) folder_.write("many/" + std::to_string(i) + ".yaml", "");
+    const auto error = [&](const char* name) {
+        return without_folder(test::error_of<ConfigError>([&] { table_.load(folder_ / name); }));
+    };
+    const std::string few = "10.yaml, 11.yaml, 12.yaml, 13.yaml, 14.yaml, 15.yaml, ... (31 in all)";
+    EXPECT_EQ(error("many"), "cannot read 'many': Is a directory; give a file in it: " + few);
+    EXPECT_EQ(error("many/nothing_like_it.yaml"),
+              "cannot read 'many/nothing_like_it.yaml': No such file or directory; 'many' has " + few);
 }
 
 TEST_F(Config, FilesThatCannotBeRead) {

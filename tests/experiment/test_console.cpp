@@ -228,5 +228,11 @@ TEST(ConsoleOnATerminal, DrawsNoBarWhereNoneIsWanted) {
     EXPECT_EQ(terminal.shown(), progress_line(halfway()) + "\r\n");
 }
 
+TEST(ConsoleText, QuotesFilesWithoutObeyingThem) {
+    const auto text =
+        written([](std::FILE* file) { Console(file).message("The checkpoint \x1b[2J cannot be read."); });
+    EXPECT_EQ(text, "The checkpoint \\x1b[2J cannot be read.\n");
+}
+
 }  // namespace
 }  // namespace cale

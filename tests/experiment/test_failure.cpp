@@ -51,5 +51,12 @@ TEST(Failure, OfAFileNamesIt) {
               "cannot use '/no/such/file': No such file or directory");
 }
 
+TEST(Failure, IsOneLineThatATerminalDoesNotObey) {
+    EXPECT_EQ(failure_sentence(std::runtime_error("a.csv: '\x1b]0;gotcha\x07' is no number")),
+              "a.csv: '\\x1b]0;gotcha\\x07' is no number");
+    EXPECT_EQ(failure_sentence(std::runtime_error("OpenCV: error\nin function 'open'\n")),
+              "OpenCV: error in function 'open'");
+}
+
 }  // namespace
 }  // namespace cale

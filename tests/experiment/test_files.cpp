@@ -1,11 +1,17 @@
 #include "experiment/files.h"
 
 #include <array>
+#include <chrono>
+#include <cstring>
+#include <stdexcept>
 #include <string>
 #include <system_error>
+#include <thread>
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "full_disk.h"
 #include "temporary_folder.h"
@@ -90,6 +96,42 @@ TEST(Files, ErrorsNameFileAndReason) {
     EXPECT_EQ(test::error_of<std::system_error>([&] { write_file_atomically(folder / "full", "x"); }),
               "cannot write '" + (folder / "full").string() + "': Is a directory");
     EXPECT_EQ(folder.file_count(), 1u);  // no temporary file stays
+}
+
+constexpr StreamLimits kFewBytesSoon{.bytes = 10'000, .silence = std::chrono::milliseconds(20)};
+
+TEST(Files, ReadsWhatComesOutOfAPipe) {
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    ASSERT_EQ(::write(ends[1], "contents", 8), 8);
+    ::close(ends[1]);
+    EXPECT_EQ(read_file("/dev/fd/" + std::to_string(ends[0]), kFewBytesSoon), "contents");
+    ::close(ends[0]);
+    EXPECT_EQ(read_file("/dev/null", kFewBytesSoon), "");
+
+    TemporaryFolder folder;
+    const auto fifo = folder / "fifo";
+    ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+    std::jthread writer([&] {
+        const int file = ::open(fifo.c_str(), O_WRONLY);
+        for (const char* part : {"a: ", "1\n"}) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            EXPECT_GT(::write(file, part, std::strlen(part)), 0);
+        }
+        ::close(file);
+    });
+    EXPECT_EQ(read_file(fifo), "a: 1\n");
+}
+
+TEST(Files, WaitsForNoPipeForEverAndReadsNoneWithoutEnd) {
+    TemporaryFolder folder;
+    const auto fifo = folder / "fifo";
+    ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+    EXPECT_EQ(
+        test::error_of<std::runtime_error>([&] { read_file(fifo, kFewBytesSoon); }),
+        "cannot read '" + fifo.string() + "': it is no regular file, and nothing came out of it in time");
+    EXPECT_EQ(test::error_of<std::runtime_error>([&] { read_file("/dev/zero", kFewBytesSoon); }),
+              "cannot read '/dev/zero': it is no regular file, and more comes out of it than 10000 bytes");
 }
 
 }  // namespace

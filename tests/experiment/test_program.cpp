@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -80,13 +81,16 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
     const TemporaryFolder folder;
     const auto run = folder.path() / "run";
     const auto wrong = folder.write("roms/pong.bin", "no game").parent_path().string();
-    for (const auto& [mistake, said] :
-         std::vector<std::pair<std::string, std::string>>{{"env.gmae=pong", "env.game"},
-                                                          {"env.game=pongg", "pong"},
-                                                          {"env.threshold=1.5", "0 to 1"},
-                                                          {"env.rom_dir=/nowhere", "/nowhere"},
-                                                          {"env.rom_dir=/m\xfcller", "which is UTF-8"},
-                                                          {"env.rom_dir=" + wrong, "with MD5"}}) {
+    for (const auto& [mistake, said] : std::vector<std::pair<std::string, std::string>>{
+             {"env.gmae=pong", "env.game"},
+             {"env.game=pongg", "pong"},
+             {"env.game=pong,breakout", "`cale sweep` trains"},
+             {"agent.encoder=IMPALA", "did you mean 'impala'?"},
+             {"train.seed=12345678901234567890", "0 to 4294967295"},
+             {"env.threshold=1.5", "0 to 1"},
+             {"env.rom_dir=/nowhere", "/nowhere"},
+             {"env.rom_dir=/m\xfcller", "which is UTF-8"},
+             {"env.rom_dir=" + wrong, "with MD5"}}) {
         const auto answer = train_sac(small(run, {mistake}));
         EXPECT_EQ(answer.code, 2) << mistake;
         EXPECT_THAT(answer.stderr_text, testing::HasSubstr(said)) << mistake;
@@ -95,6 +99,104 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
         EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
     }
     EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
+}
+
+TEST(ProgramEmulator, AConfigurationOfAnotherAgentIsNamedAsSuch) {
+    const auto answer = train_sac({"--config", CALE_SOURCE_DIR "/configs/dqn/atari100k.yaml"});
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_THAT(answer.stderr_text, testing::EndsWith("; this is a configuration of train_dqn\n"));
+}
+
+TEST(ProgramEmulator, WhatDoesNotFitIntoMemoryIsRefusedBeforeItIsMade) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "runs" / "run";
+    const auto answer = train_sac(small(run, {"agent.hidden_units=65536", "agent.hidden_layers=16"}));
+    EXPECT_EQ(answer.code, 1);
+    EXPECT_THAT(
+        answer.stderr_text,
+        testing::AllOf(testing::StartsWith("train_sac: the network, with its gradients, Adam's moments and "
+                                           "checkpoints, needs "),
+                       testing::EndsWith(" GB are available: lower agent.hidden_units or "
+                                         "agent.hidden_layers\n")));
+    EXPECT_FALSE(std::filesystem::exists(run.parent_path()));
+}
+
+std::unique_ptr<Agent> make_nothing(const SacConfig&, const AgentSpec&) {
+    throw std::runtime_error("nothing is made");
+}
+
+TEST(ProgramEmulator, SaysWhatItTrainsBeforeItMakesIt) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "runs" / "run";
+    const auto answer = train("sac", make_nothing, small(run));
+    EXPECT_EQ(answer.code, 1);
+    EXPECT_THAT(answer.stderr_text,
+                testing::AllOf(testing::StartsWith("sac on ALE/Pong-v5\n  encoder       phi_dqn\n"),
+                               testing::HasSubstr("  run folder    " + run.string() + "\n"),
+                               testing::EndsWith("\ntrain_sac: nothing is made\n")));
+    EXPECT_FALSE(std::filesystem::exists(run.parent_path())) << "nor does it leave a folder behind";
+}
+
+TEST(ProgramEmulator, RunsThatStartInTheSameSecondHaveFoldersOfTheirOwn) {
+    const TemporaryFolder folder;
+    const auto before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    const auto now = std::time(nullptr);
+    for (int second = 0; second < 60; ++second) {  // as other runs would have made them
+        std::filesystem::create_directories(fmt::format("runs/Pong__sac__1__{}", now + second));
+        std::filesystem::create_directories(fmt::format("runs/Pong__sac__1__{}_2", now + second));
+    }
+    auto arguments = small("");
+    arguments.erase(arguments.begin(), arguments.begin() + 2);  // --run-dir
+    const auto answer = train_sac(arguments);
+    std::filesystem::current_path(before);
+    EXPECT_EQ(answer.code, 0) << answer.stderr_text;
+    std::vector<std::string> trained;
+    for (const auto& run : std::filesystem::directory_iterator(folder / "runs"))
+        if (!std::filesystem::is_empty(run)) trained.push_back(run.path().filename());
+    EXPECT_THAT(trained, testing::ElementsAre(testing::EndsWith("_3")));
+}
+
+TEST(ProgramEmulator, ARunThatWasStoppedBeforeItsFirstCheckpointCanBeStarted) {
+    const TemporaryFolder folder;
+    const auto resume = [&] {
+        return train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress"});
+    };
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    std::filesystem::remove_all(folder / "checkpoints");
+    folder.write("progress.csv", "");
+    folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n1\n");
+    EXPECT_EQ(train_sac(small(folder.path())).code, 2) << "what it recorded is not overwritten";
+    EXPECT_THAT(resume().stderr_text, testing::HasSubstr("; give --run-dir another folder\n"));
+
+    folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n");
+    const auto resumed = resume();
+    EXPECT_EQ(resumed.code, 3);
+    EXPECT_THAT(resumed.stderr_text,
+                testing::HasSubstr("holds no checkpoint to resume from; start the run again, "
+                                   "without --resume\n"));
+    EXPECT_EQ(train_sac(small(folder.path())).code, 0);
+}
+
+TEST(ProgramEmulator, AConfigurationThatIsNoRunsIsNotOverwritten) {
+    const TemporaryFolder folder;
+    folder.write("config.yaml", "env: {game: pong}\n");
+    EXPECT_EQ(train_sac(small(folder.path())).code, 2);
+    EXPECT_EQ(folder.read("config.yaml"), "env: {game: pong}\n");
+}
+
+TEST(ProgramEmulator, ACheckpointsFolderIsNoRunsAndStaysAsItIs) {
+    const TemporaryFolder folder;
+    const auto run = std::filesystem::canonical(folder.path()) / "run";
+    ASSERT_EQ(train_sac(small(run)).code, 0);
+    for (const auto* inside : {"checkpoints/step_000000012", "checkpoints/step_000000012/", "checkpoints"}) {
+        const auto answer = train_sac({"--resume", "--run-dir", (run / inside).string()});
+        EXPECT_EQ(answer.code, 3);
+        EXPECT_EQ(answer.stderr_text,
+                  fmt::format("train_sac: {} is a part of the run {}; give --run-dir that\n",
+                              (run / inside).string(), run.string()));
+        EXPECT_FALSE(std::filesystem::exists(run / inside / ".lock"));
+    }
 }
 
 TEST(ProgramEmulator, OverlapIsForAgentsWithAReplay) {
@@ -332,10 +434,7 @@ struct Said {
     std::string text{};  // on both outputs
 };
 
-/// The program `cale`, in `folder`, with a shell's words.
-Said cale_says(const std::string& words, const std::filesystem::path& folder = ".") {
-    const auto command =
-        fmt::format("cd '{}' && {}/cale {} 2>&1 < /dev/null", folder.string(), CALE_BINARY_DIR, words);
+Said shell_says(const std::string& command) {
     std::FILE* const pipe = ::popen(command.c_str(), "r");
     Said said;
     for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) said.text.push_back(static_cast<char>(c));
@@ -343,11 +442,25 @@ Said cale_says(const std::string& words, const std::filesystem::path& folder = "
     return said;
 }
 
+/// The program `cale`, in `folder`, with a shell's words.
+Said cale_says(const std::string& words, const std::filesystem::path& folder = ".") {
+    return shell_says(
+        fmt::format("cd '{}' && {}/cale {} 2>&1 < /dev/null", folder.string(), CALE_BINARY_DIR, words));
+}
+
 TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
     for (
         const auto& [words, sentence] : std::vector<std::pair<std::string, std::string>>{
             {"evalute", "cale: unknown command 'evalute'; did you mean 'evaluate'?"},
             {"nosuch", "cale: unknown command 'nosuch'; cale --help lists them"},
+            {"train_sac",
+             "cale: train_sac is a program of its own: train_sac env.game=pong (see train_sac --help)"},
+            {"der x",
+             "cale: train_der is a program of its own: train_der env.game=pong (see train_der --help)"},
+            {"train",
+             "cale: unknown command 'train'; agents are trained by programs of their own: train_sac, "
+             "train_sacd, "
+             "train_ppo, train_dqn, train_der"},
             {"--verson", "cale: unknown option '--verson'; did you mean '--version'? (see cale --help)"},
             {"evaluate", "cale evaluate: POLICY is missing (see cale evaluate --help)"},
             {"evaluate --frobnicate",
@@ -409,6 +522,35 @@ TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
     ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%lf,%lf,%lf", &episode, &episode_return, &length, &frames), 4)
         << row;
     EXPECT_LT(frames, 4 * length - 4) << "more than its last step was cut short";
+}
+
+TEST(EveryProgram, FailsWhereItsStandardOutputCannotBeWritten) {
+    for (const std::string words :
+         {"cale games", "cale games --csv", "cale games pong", "cale map", "cale --help", "cale games --help",
+          "cale --version", "cale completion bash", "train_sac --help", "train_sac --version",
+          "train_sac --print-config"}) {
+        const auto said = shell_says(fmt::format("{}/{} 2>&1 > /dev/full", CALE_BINARY_DIR, words));
+        EXPECT_EQ(said.code, 1) << words;
+        EXPECT_THAT(said.text,
+                    testing::ContainsRegex(
+                        "^[a-z_ ]+: cannot write to the standard output: (No space left on device|part "
+                        "of it is lost; is the disk full\\?)\n$"))
+            << words;
+    }
+}
+
+TEST(EveryProgram, TakesAConfigurationFromAnotherCommand) {
+    const auto said = shell_says(
+        fmt::format("bash -c '{}/train_sac --config <(echo \"train: {{seed: 77}}\") --print-config' 2>&1",
+                    CALE_BINARY_DIR));
+    EXPECT_EQ(said.code, 0) << said.text;
+    EXPECT_THAT(said.text, testing::HasSubstr("seed: 77\n"));
+    const auto endless = shell_says(fmt::format("{}/train_sac --config /dev/zero 2>&1", CALE_BINARY_DIR));
+    EXPECT_EQ(endless.code, 2);
+    EXPECT_EQ(
+        endless.text,
+        "train_sac: cannot read '/dev/zero': it is no regular file, and more comes out of it than 1048576 "
+        "bytes\n");
 }
 
 TEST(CaleProgram, NumbersAreAllThatIsWritten) {

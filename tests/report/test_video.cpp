@@ -2,16 +2,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <opencv2/videoio.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "cale/env.h"
+#include "experiment/full_disk.h"
 #include "report/scene.h"
 
 namespace cale {
@@ -103,23 +102,24 @@ TEST_F(Video, SaysWhyItCannotBeWritten) {
                 HasSubstr("instead of 100800"));
 }
 
+TEST_F(Video, SaysThatTheDiskIsFullBeforeItBegins) {
+    const test::FullDisk disk(100);
+    EXPECT_EQ(message_of<std::runtime_error>([&] { VideoWriter(folder_ / "a.mp4", 160, 210, 30); }),
+              "cannot film to " + (folder_ / "a.mp4").string() + ": File too large");
+}
+
 TEST_F(Video, NoticesAFullDisk) {
     // A limit on the size of files stands in for the disk.
-    rlimit before{};
-    getrlimit(RLIMIT_FSIZE, &before);
-    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-    const rlimit small{.rlim_cur = 64 * 1024, .rlim_max = before.rlim_max};
-    setrlimit(RLIMIT_FSIZE, &small);
+    const test::FullDisk disk(100 * 1024);
     std::uint32_t state = 1;
     const auto message = message_of<std::runtime_error>([&] {
         VideoWriter writer(folder_ / "large.mp4", 160, 210, 30);
         for (int i = 0; i < 20; ++i) writer.write(noisy_frame(160, 210, state));
         writer.close();
     });
-    setrlimit(RLIMIT_FSIZE, &before);
-    std::signal(SIGXFSZ, handler);
     EXPECT_THAT(message, HasSubstr("large.mp4 is damaged"));
     EXPECT_THAT(message, HasSubstr("its 20 frames"));
+    EXPECT_THAT(message, HasSubstr("its end could not be written: File too large"));
 }
 
 struct Pictures {

@@ -1,0 +1,27 @@
+#include "agents/memory.h"
+
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+namespace cale {
+
+std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available) {
+    const std::int64_t stored = networks.target ? 4 : 3;  // parameters, two moments, the target
+    const std::int64_t copies = spec.device.is_cpu() ? 2 * stored + 1 : stored;
+    const std::int64_t needed = copies * networks.parameters;
+    if (needed <= available) return available - needed;
+    refuse_memory("the network, with its gradients, Adam's moments and checkpoints,", needed, available,
+                  "lower " + std::string(networks.settings));
+}
+
+void refuse_memory(std::string_view what, std::int64_t needed, std::int64_t available,
+                   std::string_view way_out) {
+    std::ostringstream message;
+    message.precision(3);
+    message << what << " needs " << static_cast<double>(needed) / 1e9 << " GB of memory and "
+            << static_cast<double>(available) / 1e9 << " GB are available: " << way_out;
+    throw std::runtime_error(message.str());
+}
+
+}  // namespace cale

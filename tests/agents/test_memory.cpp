@@ -1,0 +1,79 @@
+// What an agent takes is known before it is made.
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "agents/der.h"
+#include "agents/dqn.h"
+#include "agents/memory.h"
+#include "agents/ppo.h"
+#include "agents/sac.h"
+#include "agents/sacd.h"
+#include "experiment/temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr std::int64_t kGigabyte = 1'000'000'000;
+
+AgentSpec world(std::int64_t num_actions) {
+    AgentSpec spec;
+    spec.num_actions = num_actions;
+    return spec;
+}
+
+template <class Config>
+std::string refusal(const Config& config, std::int64_t available) {
+    const auto spec = world(Config::kActionSpace == ActionSpace::continuous ? 0 : 18);
+    return test::error_of<std::runtime_error>([&] { check_memory(config, spec, available); });
+}
+
+template <class Config>
+class AgentMemory : public testing::Test {};
+using Configs = testing::Types<SacConfig, SacdConfig, PpoConfig, DqnConfig, DerConfig>;
+TYPED_TEST_SUITE(AgentMemory, Configs);
+
+TYPED_TEST(AgentMemory, OfTheDefaultsIsTheReplaysAndALittle) {
+    const TypeParam config;
+    EXPECT_EQ(refusal(config, 12 * kGigabyte), "no error");
+    EXPECT_THAT(refusal(config, 1'000'000),
+                StartsWith("the network, with its gradients, Adam's moments and"));
+    EXPECT_THAT(refusal(config, 5 * kGigabyte),
+                testing::AnyOf(HasSubstr("lower agent.replay_capacity"), "no error"));
+}
+
+TYPED_TEST(AgentMemory, OfALargeNetworkIsRefusedWithTheSettingsToLower) {
+    TypeParam config;
+    if constexpr (requires { config.network; }) {
+        config.network.hidden_units = 65'536;
+        config.network.hidden_layers = 16;
+    } else {
+        config.hidden_units = 65'536;
+    }
+    const auto sentence = refusal(config, 8 * kGigabyte);
+    EXPECT_THAT(sentence, HasSubstr(" and 8 GB are available: lower agent.hidden_units"));
+}
+
+TEST(MemoryBesideNetworks, CountsGradientsMomentsTargetsAndCopies) {
+    const AgentSpec spec;
+    EXPECT_EQ(memory_beside({.parameters = 10, .target = true, .settings = ""}, spec, 100), 100 - 90);
+    EXPECT_EQ(memory_beside({.parameters = 10, .target = false, .settings = ""}, spec, 100), 100 - 70);
+    AgentSpec elsewhere;
+    elsewhere.device = torch::Device(torch::kCUDA, 0);
+    EXPECT_EQ(memory_beside({.parameters = 10, .target = true, .settings = ""}, elsewhere, 100), 100 - 40);
+}
+
+TEST(AgentMemoryOfPpo, HoldsTheRollout) {
+    PpoConfig config;
+    config.rollout_steps = 1'000'000;
+    EXPECT_THAT(refusal(config, 8 * kGigabyte), StartsWith("the rollout needs 56.4 GB of memory and 7."));
+}
+
+}  // namespace
+}  // namespace cale
