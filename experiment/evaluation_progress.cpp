@@ -6,7 +6,7 @@
 namespace cale {
 namespace {
 
-/// 0 for a limit that is none.
+/// 0 where there is no limit.
 std::int64_t known_limit(std::int64_t limit) {
     return limit == std::numeric_limits<std::int64_t>::max() ? 0 : limit;
 }

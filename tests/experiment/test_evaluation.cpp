@@ -148,7 +148,7 @@ TEST(EvaluationEmulator, GamesThatAreKnownAreNotPlayedAgain) {
     }
 }
 
-TEST(EvaluationEmulator, TellsALogOfEveryGame) {
+TEST(EvaluationEmulator, WritesALinePerGameWhereThereIsNoTerminal) {
     auto plan = short_games();
     plan.parallel = 2;
     plan.known[2] = {.episode_return = 6, .length = 50};
@@ -158,7 +158,7 @@ TEST(EvaluationEmulator, TellsALogOfEveryGame) {
     Console console(file);
     EvaluationProgress progress(console, plan, "run 1/2");
     const auto evaluation = evaluate(by_sight(), plan);
-    EXPECT_EQ(ended.size(), 3u) << "who asked before is called as well";
+    EXPECT_EQ(ended.size(), 3u) << "the callback that the plan had is called too";
     std::rewind(file);
     std::string text;
     for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text.push_back(static_cast<char>(c));

@@ -656,7 +656,7 @@ TEST(CaleEmulator, EvaluatesEveryRunOfAFolderOnce) {
     EXPECT_THAT(first.text, testing::HasSubstr("\n[2/3] Pong__sac__9: no policy can be made of "));
     const auto table = first.text.substr(first.text.find("\nrun  "));
     EXPECT_THAT(table,
-                testing::ContainsRegex("\nrun  [^\n]*\nPong__sac__1  [^\n]*\nPong__sac__9  none: [^\n]*"
+                testing::ContainsRegex("\nrun  [^\n]*\nPong__sac__1  [^\n]*\nPong__sac__9 +none: [^\n]*"
                                        "\nPong__sac__10  [^\n]*\n"));
 
     const auto again = cale_says(words, folder.path());
