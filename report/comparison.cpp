@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
+
+#include "cale/random_play.h"
 
 namespace cale {
 namespace {
@@ -212,6 +215,28 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
 }
 
+std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
+    std::map<std::string, Baseline> floors;
+    const auto add = [&](const std::string& name, const Game& game, double score) {
+        floors[name].name = name;
+        floors[name].scores[std::string(game.name)] = score;
+    };
+    for (const auto& group : groups) {
+        for (const auto& run : group.runs) {
+            if (!run.env) continue;
+            if (run.env->action_space != ActionSpace::continuous) {
+                if (run.game->random_score)
+                    add(std::string(kPublishedRandom), *run.game, *run.game->random_score);
+            } else if (const auto play = joystick_random(*run.env)) {
+                add(fmt::format("random joystick ({})", play->protocol), *run.game, play->mean);
+            }
+        }
+    }
+    std::vector<Baseline> sorted;
+    for (auto& [name, floor] : floors) sorted.push_back(std::move(floor));
+    return sorted;
+}
+
 void check_runs(const FoundRuns& found) {
     if (!found.runs.empty()) return;
     if (found.left_out.empty())
@@ -226,8 +251,44 @@ std::string range_text(std::size_t least, std::size_t most) {
     return least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most);
 }
 
-std::vector<std::string> notes_on(const Comparison& comparison) {
-    std::vector<std::string> single, few, uneven, notes;
+std::vector<std::string> sentences(const std::vector<LeftOut>& items) {
+    std::vector<std::string> texts;
+    texts.reserve(items.size());
+    for (const auto& [what, why] : items) texts.push_back(fmt::format("{}: {}", what, why));
+    return texts;
+}
+
+/// "1 run is", "3 runs are"
+std::string runs_are(std::size_t count) {
+    return count == 1 ? "1 run is" : fmt::format("{} runs are", count);
+}
+
+std::vector<Note> notes_on_runs(const Comparison& comparison) {
+    std::vector<std::string> unfinished, doubts;
+    for (const auto& group : comparison.groups) {
+        for (const auto& run : group.runs) {
+            if (!run.finished)
+                unfinished.push_back(fmt::format("{} is unfinished: {:.0f} of {:.0f} agent steps",
+                                                 run.folder.string(), run.reached, run.total_steps));
+            doubts.insert(doubts.end(), run.doubts.begin(), run.doubts.end());
+        }
+    }
+    std::vector<Note> notes;
+    const auto add = [&](std::string text, std::vector<std::string> items) {
+        if (!items.empty()) notes.push_back({std::move(text), std::move(items)});
+    };
+    add(fmt::format("{} missing:", runs_are(comparison.missing_runs.size())), comparison.missing_runs);
+    add(fmt::format("{} left out, as what is in the folder cannot be used:",
+                    runs_are(comparison.left_out_runs.size())),
+        sentences(comparison.left_out_runs));
+    add("Runs that count as far as they got:", std::move(unfinished));
+    add("Tables that may have been cut:", std::move(doubts));
+    add("Runs that are there twice, of which the longer one counts:", sentences(comparison.repeated_runs));
+    return notes;
+}
+
+std::vector<Note> notes_on(const Comparison& comparison) {
+    std::vector<std::string> single, few, uneven;
     for (const auto& result : comparison.results) {
         const auto counted =
             fmt::format("{} ({})", result.label, range_text(result.least_runs, result.most_runs));
@@ -238,33 +299,44 @@ std::vector<std::string> notes_on(const Comparison& comparison) {
         }
         if (result.least_runs != result.most_runs) uneven.push_back(counted);
     }
+    auto notes = notes_on_runs(comparison);
     if (comparison.games.empty())
         notes.push_back(
-            "There is no game with a human score that every group has played: nothing is aggregated over "
-            "games.");
+            {"There is no game with a human score that every group has played: nothing is aggregated over "
+             "games."});
+    if (!comparison.left_out_games.empty())
+        notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
+    if (!comparison.left_out_baselines.empty())
+        notes.push_back({"Published scores that are left out:", sentences(comparison.left_out_baselines)});
     if (!single.empty())
-        notes.push_back(fmt::format(
+        notes.push_back({fmt::format(
             "Games with a single run, about whose spread nothing is known, so that there is no interval: {}.",
-            fmt::join(single, "; ")));
+            fmt::join(single, "; "))});
     if (!few.empty())
-        notes.push_back(fmt::format(
+        notes.push_back({fmt::format(
             "Fewer than {} runs per game, from which bootstrap intervals come out too narrow: {}.", kFewRuns,
-            fmt::join(few, "; ")));
+            fmt::join(few, "; "))});
     if (!uneven.empty())
-        notes.push_back(fmt::format(
+        notes.push_back({fmt::format(
             "Games with unequal numbers of runs; where scores are pooled, those with more count more: {}.",
-            fmt::join(uneven, "; ")));
-    for (const auto& group : comparison.groups) {
-        for (const auto& run : group.runs) {
-            if (!run.finished)
-                notes.push_back(fmt::format("{} is unfinished: its newest game ended at agent step {:.0f}.",
-                                            run.folder.string(), run.steps.back()));
-        }
-    }
+            fmt::join(uneven, "; "))});
     return notes;
 }
 
 }  // namespace
+
+bool Comparison::is_complete() const {
+    const auto finished = [](const Group& group) {
+        return std::ranges::all_of(group.runs, [](const Run& run) { return run.finished; });
+    };
+    return missing_runs.empty() && left_out_runs.empty() && std::ranges::all_of(groups, finished);
+}
+
+bool has_intervals(const Comparison& comparison) {
+    return std::ranges::any_of(comparison.results, [](const GroupResult& result) {
+        return std::ranges::any_of(result.games, [](const GameResult& game) { return game.runs.size() > 1; });
+    });
+}
 
 std::vector<std::string> labels_of(const Comparison& comparison) {
     std::vector<std::string> labels;
@@ -280,6 +352,9 @@ Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, cons
     Comparison comparison;
     comparison.config = config;
     comparison.left_out_runs = std::move(found.left_out);
+    comparison.repeated_runs = std::move(found.repeated);
+    comparison.missing_runs = std::move(found.missing);
+    std::ranges::move(missing_runs(found.runs), std::back_inserter(comparison.missing_runs));
     comparison.groups = group_runs(std::move(found.runs), config.group_by);
     for (const auto& group : comparison.groups)
         comparison.results.push_back(result_of(group, config.bootstrap, for_bands));
@@ -288,6 +363,7 @@ Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, cons
         aggregate_group(result, comparison.games, config.bootstrap, for_bands);
     if (!comparison.games.empty()) compare_groups(comparison, for_bands);
     for (const auto& baseline : baselines) add_baseline(comparison, baseline);
+    comparison.random_floors = random_floors(comparison.groups);
     comparison.notes = notes_on(comparison);
     return comparison;
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "report/aggregate.h"
@@ -56,6 +57,12 @@ struct Improvement {
     Estimate probability{};
 };
 
+/// What a reader must know before believing a figure.
+struct Note {
+    std::string text{};                // a sentence; with items it ends with a colon
+    std::vector<std::string> items{};  // what it is about
+};
+
 struct ComparisonConfig {
     ScoreKind score = ScoreKind::training;
     Bootstrap bootstrap{};
@@ -70,18 +77,32 @@ struct Comparison {
     std::vector<Group> groups{};         // holds the runs that `results` points to
     std::vector<GroupResult> results{};  // by group
     std::vector<BaselineResult> baselines{};
+    // What random play scores under the rules of the runs: "random joystick (200m)" as measured for those of
+    // the continuous joystick, "random (published)" for the others; on the games of those runs.
+    std::vector<Baseline> random_floors{};
     std::vector<const Game*> games{};  // compared: those with a human score that every group has played
     std::vector<double> thresholds{};  // of the profiles
     std::vector<Improvement> improvements{};  // every pair of groups once
     std::vector<LeftOut> left_out_games{};
     std::vector<LeftOut> left_out_runs{};
+    std::vector<LeftOut> repeated_runs{};
     std::vector<LeftOut> left_out_baselines{};
-    std::vector<std::string> notes{};  // what a reader must know before believing a figure
+    std::vector<std::string> missing_runs{};  // that sweeps list, and of the grid that the others are
+    std::vector<Note> notes{};                // with all that is missing or left out
+
+    /// Whether every run of the grid is there, can be used and is finished.
+    bool is_complete() const;
 
     Comparison() = default;
     Comparison(Comparison&&) = default;
     Comparison& operator=(Comparison&&) = default;
 };
+
+/// The name of the floor of runs with discrete actions, whose scores are Game::random_score.
+inline constexpr std::string_view kPublishedRandom = "random (published)";
+
+/// Whether any game has several runs of a group, so that there is an interval to show.
+bool has_intervals(const Comparison& comparison);
 
 /// The groups' labels, in order.
 std::vector<std::string> labels_of(const Comparison& comparison);

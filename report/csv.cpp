@@ -36,6 +36,14 @@ double CsvTable::number(std::size_t row, std::size_t column) const {
     return *value;
 }
 
+double CsvTable::score(std::size_t row, std::size_t column) const {
+    const double value = number(row, column);
+    if (std::abs(value) <= kHighestScore) return value;
+    throw std::runtime_error(
+        fmt::format("{} is damaged: line {} has a score of {:g}, beyond what any game counts to",
+                    path.string(), lines[row], value));
+}
+
 CsvTable read_csv(const std::filesystem::path& path) {
     std::ifstream file(path);
     if (!file)
@@ -43,8 +51,8 @@ CsvTable read_csv(const std::filesystem::path& path) {
     const std::string text{std::istreambuf_iterator<char>(file), {}};
 
     CsvTable table{.path = path};
-    std::size_t line_number = 0;
-    for (std::size_t start = 0, end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
+    std::size_t line_number = 0, start = 0;
+    for (std::size_t end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
         auto line = std::string_view(text).substr(start, end - start);
         if (line.ends_with('\r')) line.remove_suffix(1);
         ++line_number;
@@ -63,7 +71,15 @@ CsvTable read_csv(const std::filesystem::path& path) {
     }
     if (table.columns.empty())
         throw std::runtime_error(fmt::format("{} has no header: it is empty or damaged", path.string()));
+    if (start < text.size()) table.cut_line = line_number + 1;
     return table;
+}
+
+CsvTable read_whole_csv(const std::filesystem::path& path) {
+    auto table = read_csv(path);
+    if (!table.cut_line) return table;
+    throw std::runtime_error(
+        fmt::format("{} is damaged: it ends in the middle of line {}", path.string(), *table.cut_line));
 }
 
 std::string csv_line(const std::vector<std::string>& cells) {

@@ -15,14 +15,27 @@ namespace {
 
 constexpr double kLabelSize = 13;
 
-std::string method_of(const Comparison& comparison, std::int64_t resamples) {
-    return fmt::format("{} game{}; {}; {:g} % stratified bootstrap intervals, {} resamples",
-                       comparison.games.size(), comparison.games.size() == 1 ? "" : "s",
-                       runs_text(comparison), 100 * comparison.config.bootstrap.confidence, resamples);
+/// Whether any group has an interval of its aggregates, or all have.
+bool some_interval(const Comparison& comparison) {
+    return std::ranges::any_of(comparison.results, &GroupResult::has_interval);
+}
+bool all_intervals(const Comparison& comparison) {
+    return std::ranges::all_of(comparison.results, &GroupResult::has_interval);
 }
 
-std::int64_t band_resamples(const Comparison& comparison) {
-    return std::min(comparison.config.bootstrap.resamples, kBandResamples);
+std::string method_of(const Comparison& comparison, std::int64_t resamples) {
+    const auto counted = fmt::format("{} game{}; {}", comparison.games.size(),
+                                     comparison.games.size() == 1 ? "" : "s", runs_text(comparison));
+    if (!some_interval(comparison)) return counted + "; no intervals, which need several runs per game";
+    return fmt::format("{}; {:g} % stratified bootstrap intervals{}, {} resamples", counted,
+                       100 * comparison.config.bootstrap.confidence,
+                       all_intervals(comparison) ? "" : " of groups with several runs per game", resamples);
+}
+
+/// The same for curves with bands.
+std::string method_of_bands(const Comparison& comparison) {
+    const auto resamples = std::min(comparison.config.bootstrap.resamples, kBandResamples);
+    return (some_interval(comparison) ? "pointwise; " : "") + method_of(comparison, resamples);
 }
 
 /// An interval as a bar, its estimate as a line across.
@@ -131,8 +144,7 @@ Picture profile_figure(const Comparison& comparison) {
     picture.words.push_back({"fraction of runs with a higher score", {70, panel.top - 12}, kInk, 12.5});
     picture.words.push_back(
         {"human-normalised score", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
-    finish_picture(picture, panel.bottom + 50,
-                   "pointwise; " + method_of(comparison, band_resamples(comparison)));
+    finish_picture(picture, panel.bottom + 50, method_of_bands(comparison));
     return picture;
 }
 
@@ -207,8 +219,7 @@ Picture efficiency_figure(const Comparison& comparison) {
                    comparison.results[i].has_interval());
     picture.words.push_back({"IQM of human-normalised scores", {70, panel.top - 12}, kInk, 12.5});
     picture.words.push_back({"agent steps", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
-    finish_picture(picture, panel.bottom + 50,
-                   "pointwise; " + method_of(comparison, band_resamples(comparison)));
+    finish_picture(picture, panel.bottom + 50, method_of_bands(comparison));
     return picture;
 }
 
@@ -217,10 +228,14 @@ std::vector<Figure> figures(const Comparison& comparison) {
     if (!comparison.games.empty()) {
         all.push_back(
             {"aggregates", "Aggregate scores",
-             "0 is the random agent, 1 the human. The interquartile mean (IQM) averages the middle "
-             "half of all runs on all games; the median and the mean are those of the games' means; "
-             "the optimality gap is how far runs fall short of 1 on average. A bar is the interval, "
-             "the line across it the estimate.",
+             std::string(
+                 "0 is the published random score, 1 the human's. The interquartile mean (IQM) averages the "
+                 "middle half of all runs on all games; the median and the mean are those of the games' "
+                 "means; the optimality gap is how far runs fall short of 1 on average. ") +
+                 (all_intervals(comparison)   ? "A bar is the interval, the line across it the estimate."
+                  : some_interval(comparison) ? "A bar is the interval, the line across it the estimate, a "
+                                                "point an estimate without an interval."
+                                              : "A point is the estimate."),
              aggregate_figure(comparison)});
         const bool curves = std::any_of(comparison.results.begin(), comparison.results.end(),
                                         [](const auto& result) { return result.curve_steps.size() > 1; });
@@ -237,10 +252,13 @@ std::vector<Figure> figures(const Comparison& comparison) {
              "better.",
              profile_figure(comparison)});
         if (!comparison.improvements.empty()) {
-            all.push_back({"probability_of_improvement", "Probability of improvement",
-                           "How likely a run of X scores more than a run of Y on a game drawn at random. An "
-                           "interval that leaves out 0.5 speaks for a difference.",
-                           improvement_figure(comparison)});
+            all.push_back(
+                {"probability_of_improvement", "Probability of improvement",
+                 std::string("How likely a run of X scores more than a run of Y on a game drawn at "
+                             "random.") +
+                     (some_interval(comparison) ? " An interval that leaves out 0.5 speaks for a difference."
+                                                : ""),
+                 improvement_figure(comparison)});
         }
     }
     for (auto& figure : game_figures(comparison)) all.push_back(std::move(figure));

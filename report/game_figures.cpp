@@ -1,7 +1,9 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numeric>
 
@@ -72,7 +74,7 @@ class Grid {
         const double x = static_cast<double>(column) * cell_width_;
         const double y = top_ + static_cast<double>(row) * cell_height();
         return {
-            .left = x + 58, .top = y + 34, .right = x + cell_width_ - 4, .bottom = y + cell_height() - 30};
+            .left = x + 58, .top = y + 34, .right = x + cell_width_ - 16, .bottom = y + cell_height() - 30};
     }
 
   private:
@@ -84,31 +86,87 @@ class Grid {
     double cell_width_;
 };
 
-/// A picture with a title, a legend, and below them a grid for so many panels.
-std::pair<Picture, Grid> small_multiples(const std::string& title, const Comparison& comparison,
-                                         std::size_t count) {
-    Picture picture = titled_picture(title, Grid(count, 0).width());
-    const double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
-    return {std::move(picture), Grid(count, top)};
-}
-
 void title_panel(Picture& picture, const Panel& panel, std::string_view title) {
     picture.words.push_back(
         {std::string(title), {panel.left, panel.top - 10}, kInk, 12.5, Anchor::start, true});
 }
 
-/// Baselines that leave the curves more than half of the panel; an unseen one is no lie, as the table has
-/// all.
-std::vector<double> baselines_in_sight(const Comparison& comparison, const Game& game, Interval curves) {
-    std::vector<double> scores;
+/// Every line to compare with that a panel may show: random play, then the literature.
+std::vector<Baseline> references_of(const Comparison& comparison) {
+    auto references = comparison.random_floors;
+    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
+    return references;
+}
+
+/// "a", "b", ...: panels are too small for names.
+std::string letter(std::size_t index) {
+    return index < 26 ? std::string(1, static_cast<char>('a' + index)) : fmt::format("{}", index + 1);
+}
+
+/// A score to compare with, and its letter.
+struct Reference {
+    double value = 0;
+    std::string label{};
+};
+
+/// Those that leave the curves more than half of the panel; an unseen one is no lie, as the table has all.
+std::vector<Reference> references_in_sight(const std::vector<Baseline>& references, const Game& game,
+                                           Interval curves) {
+    std::vector<Reference> seen;
     const double span = curves.high - curves.low;
-    for (const auto& [baseline, aggregates] : comparison.baselines) {
-        const auto score = baseline.scores.find(game.name);
-        if (score == baseline.scores.end()) continue;
+    for (std::size_t i = 0; i < references.size(); ++i) {
+        const auto score = references[i].scores.find(game.name);
+        if (score == references[i].scores.end()) continue;
         if (score->second > curves.low - span / 2 && score->second < curves.high + span / 2)
-            scores.push_back(score->second);
+            seen.push_back({score->second, letter(i)});
     }
-    return scores;
+    return seen;
+}
+
+/// Dashed lines straight across, their letters to the right of the panel; lines that are close to one another
+/// share a place for theirs.
+void draw_references(Picture& picture, const Panel& panel, std::vector<Reference> references) {
+    constexpr double kSize = 10.5, kRow = 12;
+    std::ranges::sort(references, std::ranges::greater(), &Reference::value);
+    for (auto first = references.begin(); first != references.end();) {
+        auto next = first;
+        std::string letters;
+        double last = panel.to_y(first->value), sum = 0;
+        for (; next != references.end() && panel.to_y(next->value) - last < kRow; ++next) {
+            last = panel.to_y(next->value);
+            sum += last;
+            letters += (letters.empty() ? "" : " ") + next->label;
+            picture.lines.push_back({{{panel.left, last}, {panel.right, last}}, kFaintInk, 1.2, true});
+        }
+        const double y = sum / static_cast<double>(next - first) + 0.35 * kSize;
+        picture.words.push_back({letters, {panel.right + 5, y}, kFaintInk, kSize});
+        first = next;
+    }
+}
+
+/// What the letters beside the lines stand for. Returns the height in pixels below `top` that it takes.
+double draw_letter_key(Picture& picture, const std::vector<Baseline>& references, double top) {
+    constexpr double kSize = 11, kRow = 15;
+    if (references.empty()) return 0;
+    std::vector<std::string> parts;
+    for (std::size_t i = 0; i < references.size(); ++i)
+        parts.push_back(fmt::format("{} = {}", letter(i), references[i].name));
+    double y = top;
+    for (const auto& line :
+         wrapped(fmt::format("dashed:  {}", fmt::join(parts, ",  ")), picture.width - 2 * kMargin, kSize)) {
+        y += kRow;
+        picture.words.push_back({line, {kMargin, y}, kFaintInk, kSize});
+    }
+    return y - top;
+}
+
+/// A picture with a title, a legend, and below them a grid for so many panels.
+std::pair<Picture, Grid> small_multiples(const std::string& title, const Comparison& comparison,
+                                         std::size_t count, const std::vector<Baseline>& references = {}) {
+    Picture picture = titled_picture(title, Grid(count, 0).width());
+    double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
+    top += draw_letter_key(picture, references, top);
+    return {std::move(picture), Grid(count, top)};
 }
 
 void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std::vector<double>>& shares) {
@@ -131,6 +189,14 @@ void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std
         }
     }
     picture.lines.push_back({{{panel.left, panel.top}, {panel.left, panel.bottom}}, kFaintInk, 1});
+}
+
+/// "bands: 95 % bootstrap intervals of the mean, 2000 resamples", where there are any.
+std::string interval_text(const Comparison& comparison, std::string_view shown_as, std::int64_t resamples) {
+    if (!has_intervals(comparison)) return "no intervals, which need several runs of a game";
+    return fmt::format("{}: {:g} % bootstrap intervals of the mean, {} resamples", shown_as,
+                       100 * comparison.config.bootstrap.confidence,
+                       std::min(comparison.config.bootstrap.resamples, resamples));
 }
 
 struct EventPanel {
@@ -167,7 +233,9 @@ std::vector<EventPanel> event_panels(const Comparison& comparison) {
 
 Picture game_curves_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_curve);
-    auto [picture, grid] = small_multiples("Learning curves, game by game", comparison, rows.size());
+    const auto references = references_of(comparison);
+    auto [picture, grid] =
+        small_multiples("Learning curves, game by game", comparison, rows.size(), references);
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<double> values;
         double last_step = 1;
@@ -177,17 +245,14 @@ Picture game_curves_figure(const Comparison& comparison) {
                 values.insert(values.end(), {value, low, high});
             last_step = std::max(last_step, result->curve.steps.back());
         }
-        const auto baselines = baselines_in_sight(comparison, *rows[i].game, room_for(values));
-        values.insert(values.end(), baselines.begin(), baselines.end());
+        auto seen = references_in_sight(references, *rows[i].game, room_for(values));
+        for (const auto& reference : seen) values.push_back(reference.value);
         Panel panel = grid.panel(i);
         panel.x = {0, last_step};
         panel.y = room_for(values);
         draw_axes(picture, panel, 3, 4, 11);
         title_panel(picture, panel, rows[i].game->name);
-        for (const double score : baselines) {
-            const double y = panel.to_y(score);
-            picture.lines.push_back({{{panel.left, y}, {panel.right, y}}, kFaintInk, 1, true});
-        }
+        draw_references(picture, panel, std::move(seen));
         for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
             const auto* result = rows[i].results[group];
             if (result != nullptr)
@@ -197,11 +262,9 @@ Picture game_curves_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, grid.bottom(),
-        fmt::format("score over agent steps; mean of the runs ({}); bands: {:g} % bootstrap intervals of "
-                    "the mean, {} resamples{}",
-                    runs_text(comparison), 100 * comparison.config.bootstrap.confidence,
-                    std::min(comparison.config.bootstrap.resamples, kBandResamples),
-                    comparison.baselines.empty() ? "" : "; dashed: published scores near the curves"));
+        fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_text(comparison),
+                    interval_text(comparison, "bands", kBandResamples),
+                    references.empty() ? "" : "; dashed lines that are far from the curves are left out"));
     return picture;
 }
 
@@ -240,10 +303,9 @@ Picture game_table_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, y + 10,
-        fmt::format("mean of the runs ({}) with {:g} % bootstrap interval, {} resamples; bold: the highest "
-                    "mean of the groups",
-                    runs_text(comparison), 100 * comparison.config.bootstrap.confidence,
-                    comparison.config.bootstrap.resamples));
+        fmt::format("mean of the runs ({}); {}{}", runs_text(comparison),
+                    interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
+                    comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
     return picture;
 }
 
@@ -278,9 +340,10 @@ Picture event_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, bottom + 28,
-        "part of the agent steps of each run's newest evaluation at which the event was asked for; "
-        "mean over the runs (" +
-            runs_text(comparison) + ")");
+        fmt::format("part of the agent steps of {} at which the event was asked for; mean over the runs ({})",
+                    comparison.config.score == ScoreKind::training ? "all of each run's training"
+                                                                   : "each run's newest evaluation",
+                    runs_text(comparison)));
     return picture;
 }
 
@@ -316,17 +379,34 @@ Picture reward_figure(const Comparison& comparison) {
     return picture;
 }
 
+namespace {
+
+/// Which random play is shown, where a group plays with the joystick.
+std::string floor_sentence(const Comparison& comparison) {
+    const auto of_joystick = [](const Baseline& floor) { return floor.name != kPublishedRandom; };
+    if (std::ranges::none_of(comparison.random_floors, of_joystick)) return "";
+    return " Runs with the continuous joystick compare with “random joystick”: uniformly random "
+           "(r, θ, fire), as measured. “random (published)” is the literature's random agent, with "
+           "discrete actions.";
+}
+
+}  // namespace
+
 std::vector<Figure> game_figures(const Comparison& comparison) {
     std::vector<Figure> all;
     if (!rows_with(comparison, has_curve).empty()) {
         all.push_back({"game_curves", "Learning curves",
-                       "The score as each game counts it, over agent steps.",
+                       "The score as each game counts it, over agent steps." + floor_sentence(comparison),
                        game_curves_figure(comparison)});
     }
     all.push_back(
         {"game_scores", "Scores by game",
-         "The score as each game counts it. The highest mean of the groups is bold; where intervals "
-         "overlap, that means little.",
+         std::string("The score as each game counts it, beside the scores that it is normalised with.") +
+             (comparison.results.size() == 1 ? ""
+              : has_intervals(comparison)
+                  ? " The highest mean of the groups is bold; where intervals overlap, that means little."
+                  : " The highest mean of the groups is bold; without intervals, that means little.") +
+             floor_sentence(comparison),
          game_table_figure(comparison)});
     if (!event_panels(comparison).empty()) {
         all.push_back({"events", "Joystick events",

@@ -8,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 namespace cale {
 namespace {
@@ -130,6 +131,10 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
                                             wanted, fmt::join(differing, ", ")));
 }
 
+bool all_agree(const SettingRow& row) {
+    return std::ranges::all_of(row.values, [&](const auto& value) { return value == row.values.front(); });
+}
+
 }  // namespace
 
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys) {
@@ -158,7 +163,30 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
     return sorted;
 }
 
-std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
+std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
+    std::vector<Run> identities;  // without their curves
+    std::set<std::string_view> games;
+    std::set<std::uint64_t> seeds;
+    for (const auto& run : runs) {
+        if (run.in_sweep_list) continue;
+        identities.push_back(
+            {.agent = run.agent, .game = run.game, .seed = run.seed, .settings = run.settings});
+        games.insert(run.game->name);
+        seeds.insert(run.seed);
+    }
+    std::vector<std::string> missing;
+    for (const auto& group : group_runs(std::move(identities))) {
+        std::set<std::pair<std::string_view, std::uint64_t>> there;
+        for (const auto& run : group.runs) there.emplace(run.game->name, run.seed);
+        for (const auto game : games)
+            for (const auto seed : seeds)
+                if (!there.contains({game, seed}))
+                    missing.push_back(fmt::format("{} on {}, seed {}", group.label, game, seed));
+    }
+    return missing;
+}
+
+std::vector<SettingRow> all_settings(const std::vector<Group>& groups) {
     std::map<std::string, std::vector<std::set<std::string>>> values;
     for (std::size_t i = 0; i < groups.size(); ++i) {
         for (const auto& run : groups[i].runs) {
@@ -170,17 +198,25 @@ std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
         }
     }
     std::vector<SettingRow> rows;
-    for (const auto& entry : values) {
-        const auto& of_groups = entry.second;
-        const auto same = [&](const auto& some) { return some == of_groups.front(); };
-        const auto missing = [](const auto& some) { return some.empty(); };
-        if (std::all_of(of_groups.begin(), of_groups.end(), same)) continue;
-        if (std::any_of(of_groups.begin(), of_groups.end(), missing)) continue;
-        SettingRow row{.key = entry.first};
-        row.values.reserve(of_groups.size());
+    for (const auto& [key, of_groups] : values) {
+        SettingRow row{.key = key};
         for (const auto& some : of_groups) row.values.push_back(fmt::format("{}", fmt::join(some, " / ")));
         rows.push_back(std::move(row));
     }
+    return rows;
+}
+
+std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
+    auto rows = all_settings(groups);
+    std::erase_if(rows, [](const SettingRow& row) {
+        return all_agree(row) || std::ranges::find(row.values, "") != row.values.end();
+    });
+    return rows;
+}
+
+std::vector<SettingRow> shared_settings(const std::vector<Group>& groups) {
+    auto rows = all_settings(groups);
+    std::erase_if(rows, [](const SettingRow& row) { return !all_agree(row); });
     return rows;
 }
 

@@ -97,11 +97,30 @@ std::string html_list(const std::vector<std::string>& items) {
     return html + "</ul>\n";
 }
 
-std::string html_list(const std::vector<LeftOut>& items) {
-    std::vector<std::string> sentences;
-    sentences.reserve(items.size());
-    for (const auto& item : items) sentences.push_back(fmt::format("{}: {}", item.what, item.why));
-    return html_list(sentences);
+/// Long lists are folded, so that what is below the box stays in sight.
+std::string html_note(const Note& note) {
+    constexpr std::size_t kShown = 10;
+    const auto text = escaped(note.text);
+    if (note.items.empty()) return fmt::format("<li>{}</li>\n", text);
+    if (note.items.size() <= kShown) return fmt::format("<li>{}\n{}</li>\n", text, html_list(note.items));
+    return fmt::format("<li><details><summary>{}</summary>\n{}</details></li>\n", text,
+                       html_list(note.items));
+}
+
+std::string note_box(const Comparison& comparison) {
+    if (comparison.notes.empty()) return "";
+    std::string html =
+        "<div class=\"note\" id=\"notes\"><strong>Before you believe a figure</strong>\n<ul>\n";
+    for (const auto& note : comparison.notes) html += html_note(note);
+    return html + "</ul></div>\n";
+}
+
+/// "As files: a.svg, a.png", each a link.
+std::string file_links(const std::vector<std::string>& files) {
+    std::vector<std::string> links;
+    links.reserve(files.size());
+    for (const auto& file : files) links.push_back(fmt::format("<a href=\"{0}\">{0}</a>", file));
+    return fmt::format("<p class=\"faint\">As files: {}</p>\n", fmt::join(links, ", "));
 }
 
 std::string heading(std::string_view id, std::string_view title) {
@@ -112,34 +131,40 @@ std::string figure_section(const Comparison& comparison, const Figure& figure) {
     std::string html =
         heading(figure.name, figure.title) + fmt::format("<p>{}</p>\n", escaped(figure.caption));
     if (figure.name == "game_scores") {
-        html += html_table(game_table(comparison), "Mean of the runs [interval]");
+        html += html_table(game_table(comparison),
+                           has_intervals(comparison) ? "Mean of the runs [interval]" : "Mean of the runs");
     } else {
         html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture));
     }
-    html += fmt::format(
-        "<p class=\"faint\">As files: <a href=\"{0}.svg\">{0}.svg</a>, "
-        "<a href=\"{0}.png\">{0}.png</a></p>\n",
-        figure.name);
+    std::vector<std::string> files{figure.name + ".svg", figure.name + ".png", figure.name + ".csv"};
+    const bool is_table = figure.name == "aggregates" || figure.name == "game_scores" ||
+                          figure.name == "probability_of_improvement";
+    if (is_table) files.push_back(figure.name + ".tex");
+    html += file_links(files);
+    const bool intervals = std::ranges::any_of(comparison.results, &GroupResult::has_interval);
     if (figure.name == "aggregates")
-        html += html_table(aggregate_table(comparison), "Human-normalised, estimate [interval]");
+        html += html_table(aggregate_table(comparison), intervals ? "Human-normalised, estimate [interval]"
+                                                                  : "Human-normalised estimates");
     if (figure.name == "probability_of_improvement")
-        html += html_table(improvement_table(comparison), "Estimate [interval]");
+        html += html_table(improvement_table(comparison), intervals ? "Estimate [interval]" : "Estimates");
     return html;
 }
 
-std::string left_out_section(const Comparison& comparison) {
-    std::string html = heading("left_out", "What was left out");
-    const auto part = [&](std::string_view what, const std::vector<LeftOut>& items) {
-        if (!items.empty()) html += fmt::format("<p>{}</p>\n{}", what, html_list(items));
-    };
-    part("Games that are not in the aggregates:", comparison.left_out_games);
-    part("Runs:", comparison.left_out_runs);
-    part("Published scores:", comparison.left_out_baselines);
-    if (comparison.left_out_games.empty() && comparison.left_out_runs.empty() &&
-        comparison.left_out_baselines.empty()) {
-        html += "<p>Nothing.</p>\n";
-    }
-    return html;
+std::string setup_section(const Comparison& comparison) {
+    return heading("setup", "What was run") +
+           html_table(setup_table(comparison),
+                      "Groups of runs, which differ in game and seed only unless "
+                      "the settings below say otherwise") +
+           file_links({"setup.csv", "setup.tex", "scores.csv"});
+}
+
+std::string settings_section(const Comparison& comparison) {
+    std::string html = heading("settings", "Settings");
+    if (const auto differing = setting_table(comparison); !differing.rows.empty())
+        html += html_table(differing, "In which groups differ, of those that all groups have");
+    if (const auto shared = shared_setting_table(comparison); !shared.rows.empty())
+        html += html_table(shared, "That all runs share, or whose values all groups have");
+    return html + file_links({"settings.csv", "settings.tex"});
 }
 
 std::string method_section(const Comparison& comparison, const PageOrigin& origin) {
@@ -156,19 +181,22 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
     html += fmt::format("<div class=\"card\"><code>{}</code></div>\n", escaped(origin.command));
     html += html_list(versions);
     html += fmt::format(
-        "<p>A run's score is {}. Human-normalised: (score − random) / (human − random). Intervals are {:g} % "
-        "percentile intervals of a stratified bootstrap: {} resamples, {} for the bands of curves and "
-        "profiles, each "
-        "drawing every game's runs anew, with replacement, seed {}. Definitions: Agarwal et al. 2021, “Deep "
-        "Reinforcement Learning at the Edge of the Statistical Precipice”. The files *.csv beside this page "
-        "hold "
-        "every number.</p>\n",
+        "<p>A run's score is {}. Human-normalised: (score − random) / (human − random), with the published "
+        "random scores, also for runs with the continuous joystick, so that they can be compared with "
+        "published ones. {} Definitions: Agarwal et al. 2021, “Deep Reinforcement Learning at the Edge of "
+        "the Statistical Precipice”. The files *.csv beside this page hold every number.</p>\n",
         comparison.config.score == ScoreKind::training
             ? "the mean return of the games in the last tenth of its training, or in the last 250,000 agent "
               "steps if that is less, exploration included"
             : "the mean return of its newest evaluation",
-        100 * bootstrap.confidence, bootstrap.resamples, std::min(bootstrap.resamples, kBandResamples),
-        bootstrap.seed);
+        has_intervals(comparison)
+            ? fmt::format(
+                  "Intervals are {:g} % percentile intervals of a stratified bootstrap: {} resamples, {} for "
+                  "the bands of curves and profiles, each drawing every game's runs anew, with replacement, "
+                  "seed {}.",
+                  100 * bootstrap.confidence, bootstrap.resamples,
+                  std::min(bootstrap.resamples, kBandResamples), bootstrap.seed)
+            : "There are no intervals, which need several runs of a game.");
     return html;
 }
 
@@ -203,21 +231,15 @@ std::string to_html(const Comparison& comparison, const std::vector<Figure>& fig
         html += fmt::format("<p class=\"faint\">Games in the aggregates: {}.</p>\n",
                             escaped(game_names(comparison)));
 
-    html += "<nav>";
+    html += "<nav><a href=\"#setup\">What was run</a>";
     for (const auto& figure : figures)
         html += fmt::format("<a href=\"#{}\">{}</a>", figure.name, escaped(figure.title));
-    const auto settings = setting_table(comparison);
-    if (!settings.rows.empty()) html += "<a href=\"#settings\">Settings</a>";
-    html += "<a href=\"#left_out\">Left out</a><a href=\"#method\">Method</a></nav>\n";
+    html += "<a href=\"#settings\">Settings</a><a href=\"#method\">Method</a></nav>\n";
 
-    if (!comparison.notes.empty())
-        html += "<div class=\"note\"><strong>Before you believe a figure</strong>\n" +
-                html_list(comparison.notes) + "</div>\n";
+    html += note_box(comparison);
+    html += setup_section(comparison);
     for (const auto& figure : figures) html += figure_section(comparison, figure);
-    if (!settings.rows.empty())
-        html += heading("settings", "Settings in which groups differ") +
-                html_table(settings, "Those that all groups have; the rest is in each run's config.yaml");
-    html += left_out_section(comparison);
+    html += settings_section(comparison);
     html += method_section(comparison, origin);
     return html + "</main>\n</body>\n</html>\n";
 }

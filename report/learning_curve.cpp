@@ -51,7 +51,7 @@ EpisodeHistory read_episodes(const std::filesystem::path& path) {
             fmt::format("{} is not an episodes.csv: its header does not name the columns r and global_step",
                         path.string()));
     }
-    EpisodeHistory history;
+    EpisodeHistory history{.cut_line = table.cut_line};
     const auto first_line = nlohmann::json::parse(table.comment, nullptr, false);
     if (first_line.is_object()) {
         const auto text = [&](const char* key) {
@@ -68,7 +68,7 @@ EpisodeHistory read_episodes(const std::filesystem::path& path) {
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
         steps = step_column ? table.number(row, *step_column) : steps + table.number(row, *length_column);
         history.steps.push_back(steps);
-        history.returns.push_back(table.number(row, *return_column));
+        history.returns.push_back(table.score(row, *return_column));
     }
     return history;
 }

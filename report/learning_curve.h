@@ -17,13 +17,14 @@ struct EpisodeHistory {
     std::string env_id{};  // "ALE/Pong-v5"; empty if the file does not say
     std::string agent{};   // "sac"; likewise
     std::optional<std::uint64_t> seed{};
-    std::vector<double> steps{};    // agent steps of the run when the episode ended
-    std::vector<double> returns{};  // undiscounted, unclipped
+    std::vector<double> steps{};            // agent steps of the run when the episode ended
+    std::vector<double> returns{};          // undiscounted, unclipped
+    std::optional<std::size_t> cut_line{};  // of the file, in whose middle it ends
 };
 
 /// Reads the columns `r` and `global_step` of an episodes.csv; where the latter is missing, as in a
-/// Monitor file of Stable-Baselines3, the sum of the lengths `l`. Half a last line, as a killed run
-/// leaves it, is passed over. Throws std::runtime_error naming the file and the line at fault.
+/// Monitor file of Stable-Baselines3, the sum of the lengths `l`. Half a last line is no episode: see
+/// `cut_line`. Throws std::runtime_error naming the file and the line at fault.
 EpisodeHistory read_episodes(const std::filesystem::path& path);
 
 /// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.

@@ -19,9 +19,11 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
             write_picture(figure.picture, files.back());
         }
     }
-    for (const auto& csv : csv_files(comparison)) {
-        files.push_back(folder / csv.name);
-        write_text(files.back(), csv.text);
+    for (const auto& tables : {csv_files(comparison), latex_files(comparison)}) {
+        for (const auto& table : tables) {
+            files.push_back(folder / table.name);
+            write_text(files.back(), table.text);
+        }
     }
     return files;
 }

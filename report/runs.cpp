@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -13,8 +14,11 @@
 #include <set>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
+#include <type_traits>
 
 #include "cale/action.h"
+#include "cale/text.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
 
@@ -88,6 +92,49 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     run.game = &find_game(env_id);
 }
 
+/// Reads the settings of an EnvConfig, in the manner of cale/fields.h; what is not set stays as it is.
+struct EnvReader {
+    const std::map<std::string, std::string>& settings;
+    bool readable = true;
+
+    template <class Value, class... Description>
+    void operator()(std::string_view name, Value& value, Description&&...) {
+        const auto found = settings.find(fmt::format("env.{}", name));
+        readable = readable && (found == settings.end() || read(found->second, value));
+    }
+
+  private:
+    static bool read(const std::string& text, std::string& value) {
+        value = text;
+        return true;
+    }
+    static bool read(const std::string& text, bool& value) {
+        value = text == "true";
+        return value || text == "false";
+    }
+    template <class Value>
+    static bool read(const std::string& text, Value& value) {
+        if constexpr (std::is_enum_v<Value>) {
+            const auto names = names_of(Value{});
+            const auto name = std::ranges::find(names, text);
+            value = static_cast<Value>(name - names.begin());
+            return name != names.end();
+        } else {
+            const auto number = number_in<Value>(text);
+            value = number.value_or(Value{});
+            return number.has_value();
+        }
+    }
+};
+
+std::optional<EnvConfig> read_env(const std::map<std::string, std::string>& settings) {
+    if (!settings.contains("env.action_space")) return std::nullopt;
+    EnvConfig env;
+    EnvReader reader{settings};
+    fields(env, reader);
+    return reader.readable ? std::optional(env) : std::nullopt;
+}
+
 /// 0 where it is not set. May be written as 50_000_000.
 double number_of(const std::map<std::string, std::string>& settings, const char* key) {
     const auto found = settings.find(key);
@@ -97,15 +144,106 @@ double number_of(const std::map<std::string, std::string>& settings, const char*
     return std::strtod(digits.c_str(), nullptr);
 }
 
+/// Agent steps of the iteration whose games make the score.
+double iteration_of(const Run& run, const EpisodeHistory& episodes) {
+    const double all = std::max(episodes.steps.back(), run.total_steps);
+    return std::min(all / 10, kLongestIteration);
+}
+
 void read_training(Run& run, const EpisodeHistory& episodes) {
-    if (episodes.steps.empty()) throw std::runtime_error("no game of its training has ended");
     run.steps = episodes.steps;
     const double last = episodes.steps.back();
-    const double all = std::max(last, number_of(run.settings, "train.total_steps"));
-    const double iteration = std::min(all / 10, kLongestIteration);
+    const double iteration = iteration_of(run, episodes);
     run.scores = mean_returns(episodes, iteration);
     run.games_in_score = std::ranges::count_if(
         episodes.steps, [&](double step) { return step == last || step > last - iteration; });
+}
+
+/// How far a run came, and the file that says so.
+struct Progress {
+    double step = 0;  // agent steps
+    fs::path file{};
+};
+
+/// The number in a name such as step_000002000.
+std::optional<double> step_in(const fs::path& path) {
+    const auto name = path.filename().string();
+    return name.starts_with("step_") ? number_in<double>(std::string_view(name).substr(5)) : std::nullopt;
+}
+
+fs::path newest_checkpoint(const fs::path& folder) {
+    Progress newest;
+    if (!fs::is_directory(folder / "checkpoints")) return {};
+    for (const auto& entry : fs::directory_iterator(folder / "checkpoints"))
+        if (const auto step = step_in(entry.path()); step && *step >= newest.step)
+            newest = {*step, entry.path()};
+    return newest.file;
+}
+
+/// What all files but episodes.csv say, the largest.
+Progress progress_of(const fs::path& folder) {
+    Progress progress;
+    const auto add = [&](double step, const fs::path& file) {
+        if (step > progress.step) progress = {step, file};
+    };
+    if (const auto file = folder / "progress.csv"; fs::exists(file)) {
+        const auto table = read_csv(file);
+        const auto column = table.find("global_step");
+        if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
+    }
+    if (const auto checkpoint = newest_checkpoint(folder); !checkpoint.empty())
+        add(*step_in(checkpoint), checkpoint);
+    return progress;
+}
+
+/// Agent steps of the longest game that the settings allow, over all environments; none where they do not
+/// say.
+std::optional<double> longest_game(const std::map<std::string, std::string>& settings) {
+    const double frames = number_of(settings, "env.max_frames_per_episode");
+    const double skip = number_of(settings, "env.frame_skip");
+    if (!(frames > 0 && skip > 0)) return std::nullopt;
+    return std::ceil(frames / skip) * std::max(1.0, number_of(settings, "env.num_envs"));
+}
+
+/// Bytes of episodes.csv that were there when the newest checkpoint was written; 0 where it does not say.
+std::uintmax_t bytes_at_checkpoint(const fs::path& checkpoint) {
+    if (checkpoint.empty()) return 0;
+    std::ifstream file(checkpoint / "state.json");
+    const auto state = nlohmann::json::parse(file, nullptr, false);
+    if (!state.is_object() || !state.contains("episodes_offset")) return 0;
+    const auto& bytes = state["episodes_offset"];
+    return bytes.is_number_unsigned() ? bytes.get<std::uintmax_t>() : 0;
+}
+
+/// Throws where episodes.csv is certainly not all that it was; says in run.doubts where it may not be.
+void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& progress) {
+    const auto path = run.folder / "episodes.csv";
+    const auto checkpoint = newest_checkpoint(run.folder);
+    const auto bytes = fs::file_size(path), had = bytes_at_checkpoint(checkpoint);
+    if (bytes < had)
+        throw std::runtime_error(fmt::format("{} is cut: it has {} bytes, and had {} when {} was written",
+                                             path.string(), bytes, had, checkpoint.string()));
+    const bool came_to_its_end = run.total_steps > 0 && progress.step >= run.total_steps;
+    const auto end = fmt::format("the run took {:.0f} agent steps ({})", progress.step,
+                                 progress.file.lexically_relative(run.folder).string());
+    if (episodes.cut_line && came_to_its_end)
+        throw std::runtime_error(fmt::format("{} is cut: it ends in the middle of line {}, but {}",
+                                             path.string(), *episodes.cut_line, end));
+    if (episodes.cut_line)
+        run.doubts.push_back(fmt::format(
+            "{} ends in the middle of line {}, which is not counted: the run was killed, or the file is cut",
+            path.string(), *episodes.cut_line));
+    const double last = episodes.steps.back();
+    const auto longest = longest_game(run.settings);
+    if (longest && last + *longest < progress.step)
+        throw std::runtime_error(fmt::format(
+            "{} is cut: its last game ended at agent step {:.0f}, no game takes more than {:.0f}, and {}",
+            path.string(), last, *longest, end));
+    if (last <= progress.step - iteration_of(run, episodes))
+        run.doubts.push_back(
+            fmt::format("the last game in {} ended at agent step {:.0f}, and {}: its score is not of the "
+                        "newest iteration, or the file is cut",
+                        path.string(), last, end));
 }
 
 /// The files step_*SUFFIX of a folder, oldest first.
@@ -179,12 +317,12 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
             "runs");
     run.settings["evaluation"] = evaluations.protocol;
     for (const auto& path : files) {
-        const auto table = read_csv(path);
+        const auto table = read_whole_csv(path);
         const auto column = table.find("return");
         if (!column || table.rows.empty())
             throw std::runtime_error(path.string() + " is damaged: it has no column 'return' or no row");
         double sum = 0;
-        for (std::size_t row = 0; row < table.rows.size(); ++row) sum += table.number(row, *column);
+        for (std::size_t row = 0; row < table.rows.size(); ++row) sum += table.score(row, *column);
         run.steps.push_back(std::stod(path.stem().string().substr(5)));
         run.scores.push_back(sum / static_cast<double>(table.rows.size()));
         run.games_in_score = static_cast<std::int64_t>(table.rows.size());
@@ -202,7 +340,7 @@ std::pair<std::size_t, std::size_t> columns_of(const CsvTable& table, std::strin
 }
 
 std::vector<double> read_event_shares(const fs::path& path) {
-    const auto table = read_csv(path);
+    const auto table = read_whole_csv(path);
     const auto [name, count] = columns_of(table, "event", "count");
     std::vector<double> shares(kEventCount, 0.0);
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
@@ -221,25 +359,12 @@ std::vector<double> read_event_shares(const fs::path& path) {
 }
 
 std::vector<RewardQuantile> read_reward_quantiles(const fs::path& path) {
-    const auto table = read_csv(path);
+    const auto table = read_whole_csv(path);
     const auto [quantile, reward] = columns_of(table, "quantile", "reward");
     std::vector<RewardQuantile> quantiles;
     for (std::size_t row = 0; row < table.rows.size(); ++row)
-        quantiles.push_back({table.number(row, quantile), table.number(row, reward)});
+        quantiles.push_back({table.number(row, quantile), table.score(row, reward)});
     return quantiles;
-}
-
-/// Whether progress.csv or the episodes come as near to the end as the log's rhythm allows.
-bool reached_end(const fs::path& folder, double last_episode,
-                 const std::map<std::string, std::string>& settings) {
-    double reached = last_episode;
-    if (fs::exists(folder / "progress.csv")) {
-        const auto table = read_csv(folder / "progress.csv");
-        const auto column = table.find("global_step");
-        if (column && !table.rows.empty())
-            reached = std::max(reached, table.number(table.rows.size() - 1, *column));
-    }
-    return reached + number_of(settings, "log.every") >= number_of(settings, "train.total_steps");
 }
 
 Run read_run(const fs::path& folder, ScoreKind kind) {
@@ -247,13 +372,21 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     const auto episodes = read_episodes(folder / "episodes.csv");
     if (fs::exists(folder / "config.yaml")) run.settings = read_settings(folder / "config.yaml");
     read_identity(run, episodes);
+    run.env = read_env(run.settings);
+    if (run.env) run.env->game = run.game->name;
+    const auto progress = progress_of(folder);
+    run.total_steps = number_of(run.settings, "train.total_steps");
+    run.reached = std::max(progress.step, episodes.steps.empty() ? 0 : episodes.steps.back());
+    // As near to the end as the log's rhythm allows.
+    run.finished = run.reached + number_of(run.settings, "log.every") >= run.total_steps;
     const auto evaluations = evaluations_of(folder);
     if (kind == ScoreKind::training) {
+        if (episodes.steps.empty()) throw std::runtime_error("no game of its training has ended");
+        check_episodes(run, episodes, progress);
         read_training(run, episodes);
     } else {
         read_evaluations(run, evaluations);
     }
-    run.finished = reached_end(folder, episodes.steps.empty() ? 0 : episodes.steps.back(), run.settings);
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
 
     if (kind == ScoreKind::training) {
@@ -268,22 +401,58 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
 }
 
 bool looks_like_a_run(const fs::path& folder) {
-    return fs::exists(folder / "episodes.csv") &&
-           (fs::exists(folder / "config.yaml") || fs::exists(folder / "metadata.json"));
+    const bool settings = fs::exists(folder / "config.yaml"), metadata = fs::exists(folder / "metadata.json");
+    return fs::exists(folder / "episodes.csv") ? settings || metadata : settings && metadata;
 }
+
+/// The runs below some folders.
+struct Search {
+    std::map<fs::path, fs::path> runs{};  // the real folder -> as the user would name it
+    std::vector<fs::path> sweeps{};       // folders with a list of their runs
+    std::vector<LeftOut> left_out{};
+    std::set<fs::path> seen{};  // real folders: links may lead in circles
+};
 
 /// Runs do not lie inside runs.
-void collect_folders(const fs::path& folder, std::set<fs::path>& folders) {
+void search(const fs::path& folder, Search& result) {
+    const auto real = fs::canonical(folder);
+    if (!result.seen.insert(real).second) return;
     if (looks_like_a_run(folder)) {
-        folders.insert(folder);
+        result.runs.emplace(real, folder);
         return;
     }
-    for (const auto& entry : fs::directory_iterator(folder, fs::directory_options::skip_permission_denied))
-        if (!entry.is_symlink() && entry.is_directory()) collect_folders(entry.path(), folders);
+    if (fs::exists(folder / kSweepList)) result.sweeps.push_back(folder);
+    const fs::directory_iterator entries(folder);
+    for (const auto& entry : std::set<fs::path>(begin(entries), end(entries))) {
+        const auto path = entry.lexically_normal();
+        try {
+            if (fs::is_directory(path)) {
+                search(path, result);
+            } else if (fs::is_symlink(path) && !fs::exists(path)) {
+                result.left_out.push_back({path.string(), "it is a symbolic link to nothing"});
+            }
+        } catch (const fs::filesystem_error& error) {
+            result.left_out.push_back({path.string(), "it cannot be read: " + error.code().message()});
+        }
+    }
 }
 
-/// Of each kind the longest; the others are left out.
-std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>& left_out) {
+/// The folders that the sweep in `folder` lists.
+std::vector<fs::path> listed_runs(const fs::path& folder) {
+    std::vector<fs::path> runs;
+    std::ifstream file(folder / kSweepList);
+    for (std::string name; std::getline(file, name);)
+        if (!name.empty()) runs.push_back((folder / name).lexically_normal());
+    return runs;
+}
+
+fs::path without_slash(const fs::path& path) {
+    const auto normal = path.lexically_normal();
+    return normal.has_filename() ? normal : normal.parent_path();
+}
+
+/// Of each kind the longest.
+std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>& repeated) {
     std::vector<Run> kept;
     for (auto& run : runs) {
         const auto same = std::find_if(kept.begin(), kept.end(), [&](const Run& other) {
@@ -295,7 +464,7 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
             continue;
         }
         if (run.steps.back() > same->steps.back()) std::swap(run, *same);
-        left_out.push_back({run.folder.string(), fmt::format("the same agent, settings, game and seed as {}",
+        repeated.push_back({run.folder.string(), fmt::format("the same agent, settings, game and seed as {}",
                                                              same->folder.string())});
     }
     return kept;
@@ -304,23 +473,38 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 }  // namespace
 
 FoundRuns find_runs(const std::vector<fs::path>& paths, ScoreKind kind) {
-    std::set<fs::path> folders;
+    Search result;
     for (const auto& path : paths) {
         if (!fs::is_directory(path))
             throw std::runtime_error(
                 fmt::format("{} is no folder: name runs, or folders that hold runs", path.string()));
-        collect_folders(fs::canonical(path), folders);
+        search(without_slash(path), result);
     }
-    FoundRuns found;
+    FoundRuns found{.left_out = std::move(result.left_out)};
+    std::set<fs::path> listed;
+    for (const auto& sweep : result.sweeps) {
+        for (const auto& folder : listed_runs(sweep)) {
+            std::error_code error;
+            const auto real = fs::canonical(folder, error);
+            if (!error && result.runs.contains(real)) {
+                listed.insert(real);
+            } else {
+                found.missing.push_back(folder.string());
+            }
+        }
+    }
+    std::map<fs::path, bool> folders;  // as they are named, by name -> whether a sweep lists them
+    for (const auto& [real, folder] : result.runs) folders[folder] = listed.contains(real);
     std::vector<Run> runs;
-    for (const auto& folder : folders) {
+    for (const auto& [folder, in_sweep_list] : folders) {
         try {
             runs.push_back(read_run(folder, kind));
+            runs.back().in_sweep_list = in_sweep_list;
         } catch (const std::exception& error) {
             found.left_out.push_back({folder.string(), error.what()});
         }
     }
-    found.runs = without_repetitions(std::move(runs), found.left_out);
+    found.runs = without_repetitions(std::move(runs), found.repeated);
     return found;
 }
 

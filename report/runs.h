@@ -4,9 +4,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "cale/env.h"
 #include "cale/games.h"
 
 namespace cale {
@@ -28,7 +31,8 @@ struct Run {
     std::string agent{};  // "sac"
     const Game* game = nullptr;
     std::uint64_t seed = 0;
-    std::string made_with{};  // "cale 0.1.0, ALE 0.12.1, LibTorch 2.11.0"
+    std::optional<EnvConfig> env{};  // its rules; none where its config.yaml does not name them
+    std::string made_with{};         // "cale 0.1.0, ALE 0.12.1, LibTorch 2.11.0"
     // "agent.encoder" -> "phi_sac": all settings but those that no result depends on, such as how
     // often to log, and the game and the seed.
     std::map<std::string, std::string> settings{};
@@ -37,6 +41,11 @@ struct Run {
     std::vector<double> scores{};
     std::int64_t games_in_score = 0;  // behind the last score
     bool finished = true;             // whether it took all the steps that it was to take
+    double reached = 0;               // agent steps that it took, as far as its files say
+    double total_steps = 0;           // that it was to take; 0: not known
+    bool in_sweep_list = false;       // see FoundRuns::missing
+    // Why the score may not be what it is called: sentences that name the file.
+    std::vector<std::string> doubts{};
     // By Event, adding up to 1: of all its training or of its newest evaluation, as the score is. Empty
     // where none was recorded.
     std::vector<double> event_shares{};
@@ -50,16 +59,25 @@ struct LeftOut {
     std::string why{};
 };
 
+/// The file in which a sweep lists its runs, each a line with the name of a subfolder.
+inline constexpr std::string_view kSweepList = "sweep_runs.txt";
+
 struct FoundRuns {
-    std::vector<Run> runs{};          // by folder
-    std::vector<LeftOut> left_out{};  // folders that look like runs and cannot be used
+    std::vector<Run> runs{};             // by folder
+    std::vector<LeftOut> left_out{};     // folders that look like runs and cannot be used
+    std::vector<LeftOut> repeated{};     // runs of which a longer one is there
+    std::vector<std::string> missing{};  // folders that a sweep lists (kSweepList) and that hold no run
 };
 
 /// The runs that are these folders or lie below them: folders with an episodes.csv beside a
-/// config.yaml or metadata.json. Of two runs with the same agent, settings, game and seed, which
-/// tell the same thing twice, the longer one stays. Half a last line, as a killed run leaves it, is
-/// passed over. Throws std::runtime_error where a path is no folder; what is wrong further down
-/// leaves out that run alone.
+/// config.yaml or metadata.json. Symbolic links are followed, and a run to which several ways lead counts
+/// once. Folders are named as they were given, relative ones relative to the working directory. Of two
+/// runs with the same agent, settings, game and seed, which tell the same thing twice, the longer one stays.
+///
+/// An episodes.csv that is certainly cut is not believed: its run is left out. It is where the run's newest
+/// checkpoint had more bytes of it, where it ends in the middle of a line although the run came to its end,
+/// and where the run went on for longer than any game takes. Where it only may be cut, Run::doubts says so.
+/// Throws std::runtime_error where a path is no folder; what is wrong further down leaves out that run alone.
 FoundRuns find_runs(const std::vector<std::filesystem::path>& paths, ScoreKind kind);
 
 }  // namespace cale

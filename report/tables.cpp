@@ -1,9 +1,13 @@
 #include "report/tables.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <set>
+#include <utility>
 
 #include "cale/action.h"
 #include "cale/text.h"
@@ -37,6 +41,129 @@ const GameResult* result_on(const GroupResult& group, const Game& game) {
     return found == group.games.end() ? nullptr : &*found;
 }
 
+/// For the columns low and high; empty where there is no interval.
+std::pair<std::string, std::string> interval_cells(const Estimate& estimate, bool with_interval) {
+    if (!with_interval) return {};
+    return {fmt::format("{}", estimate.low), fmt::format("{}", estimate.high)};
+}
+
+/// Those that any group has played, in alphabetical order.
+std::vector<const Game*> played_games(const Comparison& comparison) {
+    std::vector<const Game*> played;
+    for (const auto& game : games()) {
+        const auto has_it = [&](const GroupResult& group) { return result_on(group, game) != nullptr; };
+        if (std::ranges::any_of(comparison.results, has_it)) played.push_back(&game);
+    }
+    return played;
+}
+
+/// The scores that games are normalised with, and between them what random play scores on the joystick.
+std::vector<Baseline> random_and_human(const Comparison& comparison) {
+    Baseline random{.name = std::string(kPublishedRandom)}, human{.name = "human"};
+    for (const auto& game : games()) {
+        if (game.random_score) random.scores[std::string(game.name)] = *game.random_score;
+        if (game.human_score) human.scores[std::string(game.name)] = *game.human_score;
+    }
+    std::vector<Baseline> references{std::move(random)};
+    for (const auto& floor : comparison.random_floors)
+        if (floor.name != kPublishedRandom) references.push_back(floor);
+    references.push_back(std::move(human));
+    return references;
+}
+
+std::vector<Baseline> published(const Comparison& comparison) {
+    std::vector<Baseline> references;
+    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
+    return references;
+}
+
+double best_mean(const Comparison& comparison, const Game& game) {
+    double best = -HUGE_VAL;
+    for (const auto& group : comparison.results)
+        if (const auto* result = result_on(group, game)) best = std::max(best, result->mean.value);
+    return best;
+}
+
+/// Means of equal scores may differ in their last digits.
+bool same_score(double a, double b) {
+    return std::abs(a - b) <= 1e-9 * std::max(std::abs(a), std::abs(b));
+}
+
+std::string joined(const std::set<std::string>& texts) {
+    return fmt::format("{}", fmt::join(texts, " / "));
+}
+
+/// "1-5, 8"
+std::string seeds_text(const std::set<std::uint64_t>& seeds) {
+    std::vector<std::string> spans;
+    for (auto first = seeds.begin(); first != seeds.end();) {
+        auto last = first, next = std::next(first);
+        while (next != seeds.end() && *next == *last + 1) last = next++;
+        spans.push_back(first == last ? fmt::format("{}", *first) : fmt::format("{}-{}", *first, *last));
+        first = next;
+    }
+    return fmt::format("{}", fmt::join(spans, ", "));
+}
+
+/// Agents follow either with lengths of games of their own, which the settings tell.
+std::string protocol_text(const EnvConfig& env) {
+    for (const auto& [name, protocol] : {std::pair("200M frames", protocol_200m(env.game)),
+                                         std::pair("Atari 100k", protocol_atari100k(env.game))}) {
+        if (env.sticky_probability == protocol.sticky_probability &&
+            env.terminal_on_life_loss == protocol.terminal_on_life_loss &&
+            env.frame_skip == protocol.frame_skip)
+            return name;
+    }
+    return fmt::format("sticky actions {:g}, {}, frame skip {}", env.sticky_probability,
+                       env.terminal_on_life_loss ? "episodes end with a life" : "whole games",
+                       env.frame_skip);
+}
+
+std::string action_space_text(const EnvConfig& env) {
+    const auto name = names_of(ActionSpace{})[static_cast<std::size_t>(env.action_space)];
+    if (env.action_space != ActionSpace::continuous) return fmt::format("discrete, {}", name);
+    return fmt::format("joystick, threshold {:g}", env.threshold);
+}
+
+Table settings_by_group(const Comparison& comparison, const std::vector<SettingRow>& settings) {
+    Table table{.header = {"setting"}};
+    for (const auto& group : comparison.groups) table.header.push_back(group.label);
+    for (const auto& [key, values] : settings) {
+        auto& row = table.rows.emplace_back(1, key);
+        row.insert(row.end(), values.begin(), values.end());
+    }
+    return table;
+}
+
+std::string to_csv(const Table& table) {
+    std::string text = csv_line(table.header);
+    for (const auto& row : table.rows) text += csv_line(row);
+    return text;
+}
+
+/// Without what LaTeX would take for mark-up, and with a minus before numbers instead of a hyphen.
+std::string latex_text(std::string_view text) {
+    std::string latex;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const char c = text[i];
+        const bool starts_word = i == 0 || text[i - 1] == ' ' || text[i - 1] == '[';
+        const bool digit_follows = i + 1 < text.size() && text[i + 1] >= '0' && text[i + 1] <= '9';
+        if (c == '-' && starts_word && digit_follows) {
+            latex += "$-$";
+        } else if (c == '\\') {
+            latex += "\\textbackslash{}";
+        } else if (c == '~' || c == '^') {
+            latex += fmt::format("\\{}{{}}", c);
+        } else if (c == '<' || c == '>') {
+            latex += fmt::format("${}$", c);
+        } else {
+            if (std::string_view("&%$#_{}").find(c) != std::string_view::npos) latex += '\\';
+            latex += c;
+        }
+    }
+    return latex;
+}
+
 /// Collects the rows of a CSV file.
 class CsvWriter {
   public:
@@ -48,16 +175,16 @@ class CsvWriter {
         file_.text += csv_line({fmt::format("{}", cells)...});
         ++rows_;
     }
-    void add_to(std::vector<CsvFile>& files) {
+    void add_to(std::vector<TextFile>& files) {
         if (rows_ > 0) files.push_back(std::move(file_));
     }
 
   private:
-    CsvFile file_;
+    TextFile file_;
     std::size_t rows_ = 0;
 };
 
-void add_scores(const Comparison& comparison, std::vector<CsvFile>& files) {
+void add_scores(const Comparison& comparison, std::vector<TextFile>& files) {
     CsvWriter csv("scores.csv", {"group", "agent", "game", "seed", "step", "games_in_score", "score",
                                  "human_normalized", "folder"});
     for (const auto& group : comparison.results) {
@@ -74,7 +201,7 @@ void add_scores(const Comparison& comparison, std::vector<CsvFile>& files) {
     csv.add_to(files);
 }
 
-void add_aggregates(const Comparison& comparison, std::vector<CsvFile>& files) {
+void add_aggregates(const Comparison& comparison, std::vector<TextFile>& files) {
     if (comparison.games.empty()) return;
     const auto names = names_of(Metric{});
     CsvWriter aggregates("aggregates.csv",
@@ -83,46 +210,54 @@ void add_aggregates(const Comparison& comparison, std::vector<CsvFile>& files) {
     CsvWriter profiles("performance_profiles.csv", {"group", "tau", "fraction", "low", "high"});
     for (const auto& group : comparison.results) {
         for (std::size_t m = 0; m < kMetricCount; ++m) {
-            const auto& [value, low, high] = group.aggregates[m];
-            aggregates.row(group.label, names[m], value, low, high, comparison.games.size(),
+            const auto& estimate = group.aggregates[m];
+            const auto [low, high] = interval_cells(estimate, group.has_interval());
+            aggregates.row(group.label, names[m], estimate.value, low, high, comparison.games.size(),
                            span_text(group.least_runs, group.most_runs));
         }
         for (std::size_t i = 0; i < group.curve.size(); ++i) {
             for (std::size_t m = 0; m < kMetricCount; ++m) {
-                const auto& [value, low, high] = group.curve[i][m];
-                curves.row(group.label, group.curve_steps[i], names[m], value, low, high);
+                const auto& estimate = group.curve[i][m];
+                const auto [low, high] = interval_cells(estimate, group.has_interval());
+                curves.row(group.label, group.curve_steps[i], names[m], estimate.value, low, high);
             }
         }
         for (std::size_t i = 0; i < group.profile.size(); ++i) {
-            const auto& [value, low, high] = group.profile[i];
-            profiles.row(group.label, comparison.thresholds[i], value, low, high);
+            const auto& estimate = group.profile[i];
+            const auto [low, high] = interval_cells(estimate, group.has_interval());
+            profiles.row(group.label, comparison.thresholds[i], estimate.value, low, high);
         }
     }
     for (const auto& [baseline, values] : comparison.baselines)
         for (std::size_t m = 0; m < kMetricCount; ++m)
             aggregates.row(baseline.name, names[m], values[m].value, "", "", comparison.games.size(), "");
     CsvWriter improvements("probability_of_improvement.csv", {"x", "y", "probability", "low", "high"});
-    for (const auto& [x, y, probability] : comparison.improvements)
-        improvements.row(comparison.results[x].label, comparison.results[y].label, probability.value,
-                         probability.low, probability.high);
+    for (const auto& [x, y, probability] : comparison.improvements) {
+        const auto &first = comparison.results[x], &second = comparison.results[y];
+        const auto [low, high] = interval_cells(probability, first.has_interval() || second.has_interval());
+        improvements.row(first.label, second.label, probability.value, low, high);
+    }
     aggregates.add_to(files);
     profiles.add_to(files);
     improvements.add_to(files);
     curves.add_to(files);
 }
 
-void add_games(const Comparison& comparison, std::vector<CsvFile>& files) {
+void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
     CsvWriter scores("game_scores.csv", {"group", "game", "runs", "mean", "low", "high"});
     CsvWriter curves("game_curves.csv", {"group", "game", "step", "mean", "low", "high"});
     CsvWriter events("events.csv", {"group", "game", "event", "share"});
-    CsvWriter rewards("reward_quantiles.csv", {"group", "game", "quantile", "reward"});
+    CsvWriter rewards("rewards.csv", {"group", "game", "quantile", "reward"});
     for (const auto& group : comparison.results) {
         for (const auto& game : group.games) {
             const auto name = game.game->name;
-            scores.row(group.label, name, game.runs.size(), game.mean.value, game.mean.low, game.mean.high);
+            const bool with_interval = game.runs.size() > 1;
+            const auto [lowest, highest] = interval_cells(game.mean, with_interval);
+            scores.row(group.label, name, game.runs.size(), game.mean.value, lowest, highest);
             for (std::size_t i = 0; i < game.curve.steps.size(); ++i) {
-                const auto& [value, low, high] = game.curve.values[i];
-                curves.row(group.label, name, game.curve.steps[i], value, low, high);
+                const auto& estimate = game.curve.values[i];
+                const auto [low, high] = interval_cells(estimate, with_interval);
+                curves.row(group.label, name, game.curve.steps[i], estimate.value, low, high);
             }
             for (std::size_t i = 0; i < game.event_shares.size(); ++i)
                 events.row(group.label, name, event_name(static_cast<Event>(i)), game.event_shares[i]);
@@ -130,6 +265,11 @@ void add_games(const Comparison& comparison, std::vector<CsvFile>& files) {
                 rewards.row(group.label, name, quantile, reward);
         }
     }
+    for (const auto& references : {random_and_human(comparison), published(comparison)})
+        for (const auto& [name, of_games] : references)
+            for (const auto* game : played_games(comparison))
+                if (const auto score = of_games.find(game->name); score != of_games.end())
+                    scores.row(name, game->name, "", score->second, "", "");
     scores.add_to(files);
     curves.add_to(files);
     events.add_to(files);
@@ -170,44 +310,65 @@ Table improvement_table(const Comparison& comparison) {
 }
 
 Table game_table(const Comparison& comparison) {
-    Table table{.header = {"game", "random", "human"}};
+    const auto before = random_and_human(comparison), after = published(comparison);
+    Table table{.header = {"game"}};
+    for (const auto& reference : before) table.header.push_back(reference.name);
     for (const auto& group : comparison.results) table.header.push_back(group.label);
-    for (const auto& [baseline, aggregates] : comparison.baselines) table.header.push_back(baseline.name);
-    for (const auto& game : games()) {
-        std::vector<std::string> row{std::string(game.name),
-                                     game.random_score ? score_text(*game.random_score) : "",
-                                     game.human_score ? score_text(*game.human_score) : ""};
-        std::size_t best = 0;
-        double highest = -HUGE_VAL;
-        for (const auto& group : comparison.results) {
-            const auto* result = result_on(group, game);
-            if (result != nullptr && result->mean.value > highest) {
-                highest = result->mean.value;
-                best = row.size();
+    for (const auto& reference : after) table.header.push_back(reference.name);
+    for (const auto* game : played_games(comparison)) {
+        std::vector<std::string> row{std::string(game->name)};
+        std::vector<bool> bold(table.header.size(), false);
+        const auto add = [&](const std::vector<Baseline>& references) {
+            for (const auto& reference : references) {
+                const auto score = reference.scores.find(game->name);
+                row.push_back(score == reference.scores.end() ? "" : score_text(score->second));
             }
+        };
+        add(before);
+        const double best = best_mean(comparison, *game);
+        for (const auto& group : comparison.results) {
+            const auto* result = result_on(group, *game);
+            bold[row.size()] =
+                comparison.results.size() > 1 && result != nullptr && same_score(result->mean.value, best);
             row.push_back(
                 result == nullptr ? "" : estimate_text(result->mean, result->runs.size() > 1, score_text));
         }
-        if (best == 0) continue;  // nobody played it
-        for (const auto& [baseline, aggregates] : comparison.baselines) {
-            const auto score = baseline.scores.find(game.name);
-            row.push_back(score == baseline.scores.end() ? "" : score_text(score->second));
-        }
-        std::vector<bool> bold(row.size(), false);
-        bold[best] = comparison.results.size() > 1;
+        add(after);
         table.best.push_back(std::move(bold));
         table.rows.push_back(std::move(row));
     }
     return table;
 }
 
-Table setting_table(const Comparison& comparison) {
-    Table table{.header = {"setting"}};
-    for (const auto& group : comparison.groups) table.header.push_back(group.label);
-    for (const auto& setting : differing_settings(comparison.groups)) {
-        auto& row = table.rows.emplace_back(1, setting.key);
-        row.insert(row.end(), setting.values.begin(), setting.values.end());
+Table setup_table(const Comparison& comparison) {
+    Table table{.name_columns = 4,
+                .header = {"", "agent", "protocol", "action space", "agent steps", "games", "seeds", "runs"}};
+    for (const auto& group : comparison.groups) {
+        std::set<std::string> agents, games, steps, protocols, actions;
+        std::set<std::uint64_t> seeds;
+        for (const auto& run : group.runs) {
+            agents.insert(run.agent);
+            games.emplace(run.game->name);
+            seeds.insert(run.seed);
+            steps.insert(run.total_steps > 0 ? fmt::format("{:.0f}", run.total_steps) : "unknown");
+            protocols.insert(run.env ? protocol_text(*run.env) : "unknown");
+            actions.insert(run.env ? action_space_text(*run.env) : "unknown");
+        }
+        table.rows.push_back({group.label, joined(agents), joined(protocols), joined(actions), joined(steps),
+                              fmt::format("{}", games.size()), seeds_text(seeds),
+                              fmt::format("{}", group.runs.size())});
     }
+    return table;
+}
+
+Table setting_table(const Comparison& comparison) {
+    return settings_by_group(comparison, differing_settings(comparison.groups));
+}
+
+Table shared_setting_table(const Comparison& comparison) {
+    Table table{.name_columns = 2, .header = {"setting", "value"}};
+    for (const auto& [key, values] : shared_settings(comparison.groups))
+        table.rows.push_back({key, values.front()});
     return table;
 }
 
@@ -240,11 +401,46 @@ std::string to_text(const Table& table) {
     return text;
 }
 
-std::vector<CsvFile> csv_files(const Comparison& comparison) {
-    std::vector<CsvFile> files;
+std::string to_latex(const Table& table) {
+    const auto values = table.header.size() - table.name_columns;
+    std::string latex = fmt::format("% \\usepackage{{booktabs}}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n",
+                                    std::string(table.name_columns, 'l'), std::string(values, 'r'));
+    const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
+        for (std::size_t column = 0; column < row.size(); ++column) {
+            const auto cell = latex_text(row[column]);
+            latex += column == 0 ? "" : " & ";
+            latex += is_bold(column) ? fmt::format("\\textbf{{{}}}", cell) : cell;
+        }
+        latex += " \\\\\n";
+    };
+    write(table.header, [](std::size_t) { return false; });
+    latex += "\\midrule\n";
+    for (std::size_t i = 0; i < table.rows.size(); ++i)
+        write(table.rows[i],
+              [&](std::size_t column) { return !table.best.empty() && table.best[i][column]; });
+    return latex + "\\bottomrule\n\\end{tabular}\n";
+}
+
+std::vector<TextFile> csv_files(const Comparison& comparison) {
+    std::vector<TextFile> files;
     add_scores(comparison, files);
+    files.push_back({"setup.csv", to_csv(setup_table(comparison))});
+    files.push_back({"settings.csv", to_csv(settings_by_group(comparison, all_settings(comparison.groups)))});
     add_aggregates(comparison, files);
     add_games(comparison, files);
+    return files;
+}
+
+std::vector<TextFile> latex_files(const Comparison& comparison) {
+    std::vector<TextFile> files;
+    const auto add = [&](const char* name, const Table& table) {
+        if (!table.rows.empty()) files.push_back({name, to_latex(table)});
+    };
+    add("setup.tex", setup_table(comparison));
+    add("settings.tex", settings_by_group(comparison, all_settings(comparison.groups)));
+    add("aggregates.tex", aggregate_table(comparison));
+    add("probability_of_improvement.tex", improvement_table(comparison));
+    add("game_scores.tex", game_table(comparison));
     return files;
 }
 

@@ -20,11 +20,15 @@ struct Table {
 Table aggregate_table(const Comparison& comparison);
 /// A row per pair of groups: the probability that the first scores more.
 Table improvement_table(const Comparison& comparison);
-/// A row per game: its random and human score, what each group scored, and each baseline. The best of
-/// the groups is bold.
+/// A row per game: the published random and human score that it is normalised with, what random play scores
+/// on the runs' joystick, what each group scored, and each baseline. The best of the groups are bold.
 Table game_table(const Comparison& comparison);
+/// A row per group: agent, protocol, action space, agent steps, games, seeds, runs.
+Table setup_table(const Comparison& comparison);
 /// A row per setting in which groups differ, a column per group.
 Table setting_table(const Comparison& comparison);
+/// A row per setting that all groups share, and its value.
+Table shared_setting_table(const Comparison& comparison);
 
 /// "5 runs per game", "2-5 runs per game"
 std::string runs_text(const Comparison& comparison);
@@ -32,14 +36,21 @@ std::string runs_text(const Comparison& comparison);
 /// The table in columns of text for a terminal.
 std::string to_text(const Table& table);
 
-struct CsvFile {
+/// As a tabular of LaTeX, for the package booktabs.
+std::string to_latex(const Table& table);
+
+struct TextFile {
     std::string name{};  // "aggregates.csv"
     std::string text{};
 };
 
-/// With all digits: scores (a row per run), aggregates, performance_profiles,
-/// probability_of_improvement, sample_efficiency, game_scores, game_curves, events, reward_quantiles;
-/// those that the comparison has nothing for are left out.
-std::vector<CsvFile> csv_files(const Comparison& comparison);
+/// With all digits: scores (a row per run), setup, settings (all of them), and one by the name of each
+/// figure: aggregates, sample_efficiency, performance_profiles, probability_of_improvement, game_curves,
+/// game_scores, events, rewards; those that the comparison has nothing for are left out. Where there is no
+/// interval, its cells are empty.
+std::vector<TextFile> csv_files(const Comparison& comparison);
+
+/// The tables for a paper: setup, settings, aggregates, probability_of_improvement, game_scores.
+std::vector<TextFile> latex_files(const Comparison& comparison);
 
 }  // namespace cale

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "experiment/config.h"
+#include "experiment/files.h"
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
 #include "sweep/refusal.h"
@@ -64,11 +65,14 @@ void check_folder(const fs::path& folder) {
                       "it cannot be read: " + std::error_code(errno, std::generic_category()).message());
 }
 
-void make_folder(const fs::path& folder) {
+/// With a list of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
+/// that are missing (kSweepList in report/runs.h).
+void make_folder(const fs::path& folder, const std::vector<std::string>& all_runs) {
     std::error_code error;
     fs::create_directories(folder, error);
     if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
     if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
+    write_file_atomically(folder / "sweep_runs.txt", fmt::format("{}\n", fmt::join(all_runs, "\n")));
 }
 
 // ---- tasks --------------------------------------------------------------------------
@@ -135,7 +139,7 @@ SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, cons
 }
 
 int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder, const SlurmOptions& slurm,
-                    const SweepOptions& options, std::FILE* out) {
+                    const SweepOptions& options, const std::vector<std::string>& all_runs, std::FILE* out) {
     std::vector<std::string> names;
     std::string refused;
     for (const auto& planned : runs) {
@@ -152,7 +156,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
         fmt::print(out, "{}{}", names.empty() ? "" : slurm_script(folder, names, memory, slurm), refused);
         return exit_code;
     }
-    make_folder(folder);
+    make_folder(folder, all_runs);
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
     fmt::print(out, "{}", refused);
@@ -168,20 +172,22 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 
 int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto sweep = read_sweep(options.file, options.overrides);
+    std::vector<std::string> all_runs;
+    for (const auto& run : sweep.runs) all_runs.push_back(run.name);
     keep_only(sweep.runs, options.only);
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
     check_folder(folder);
     const auto runs = plan(sweep, options.cale.parent_path());
     if (options.task == SweepTask::show_status) return show_status(runs, folder, out);
     if (options.launcher == Launcher::slurm)
-        return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, out);
+        return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, all_runs, out);
 
     auto machine = Machine::here();
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
     if (options.task == SweepTask::show_commands)
         return show_commands(runs, folder, options, slots.slots.front().device, out);
-    make_folder(folder);
+    make_folder(folder, all_runs);
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
     return run_locally(

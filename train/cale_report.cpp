@@ -4,6 +4,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -55,6 +56,7 @@ struct Options {
     std::vector<std::string> baselines{};
     std::string baselines_csv{};
     std::string score = "training";
+    bool strict = false;
     ComparisonConfig config{};
 };
 
@@ -82,14 +84,16 @@ void report(Options options) {
     const auto files = write_report(comparison, origin, folder);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
-    for (const auto& note : comparison.notes) fmt::print("note: {}\n", printable(note));
-    for (const auto* left_out :
-         {&comparison.left_out_games, &comparison.left_out_runs, &comparison.left_out_baselines}) {
-        for (const auto& [what, why] : *left_out)
-            fmt::print("left out: {}: {}\n", printable(what), printable(why));
+    for (const auto& note : comparison.notes) {
+        fmt::print("note: {}\n", printable(note.text));
+        for (const auto& item : note.items) fmt::print("  {}\n", printable(item));
     }
-    fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv)\n", files.front().string(),
+    fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv, .tex)\n", files.front().string(),
                files.size() - 1);
+    if (options.strict && !comparison.is_complete())
+        throw std::runtime_error(
+            "--strict: the grid of the runs is not complete: the notes above name the runs that are missing, "
+            "unusable or unfinished");
 }
 
 }  // namespace
@@ -139,13 +143,17 @@ void add_report(CLI::App& app) {
         ->type_name("KEYS")
         ->delimiter(',')
         ->allow_extra_args(false);
+    command.add_flag(
+        "--strict", options->strict,
+        "exit code 1 where the grid of the sweep is not complete: where a run is missing, cannot be "
+        "used or is unfinished; the report is written all the same");
     command.footer(
         "Examples:\n"
         "  cale report runs/encoders\n"
         "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
         "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
         "\n"
-        "Exit codes: 0 done, 1 failed, 2 usage.");
+        "Exit codes: 0 done, 1 failed, or incomplete with --strict, 2 usage.");
     command.callback([options] { report(*options); });
 }
 

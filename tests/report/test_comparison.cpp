@@ -20,6 +20,16 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::SizeIs;
 
+/// The notes as a terminal shows them.
+std::vector<std::string> lines_of(const std::vector<Note>& notes) {
+    std::vector<std::string> lines;
+    for (const auto& note : notes) {
+        lines.push_back(note.text);
+        lines.insert(lines.end(), note.items.begin(), note.items.end());
+    }
+    return lines;
+}
+
 const ComparisonConfig kQuick{.bootstrap = {.resamples = 500}};
 
 class Comparing : public ::testing::Test {
@@ -56,7 +66,7 @@ TEST_F(Comparing, WithoutACommonGameThereAreStillTables) {
     const auto comparison = compared({{"nobody", {{"Pong", 3}}}});
     EXPECT_THAT(comparison.games, IsEmpty());
     EXPECT_THAT(comparison.improvements, IsEmpty());
-    EXPECT_THAT(comparison.notes, Contains(HasSubstr("no game")));
+    EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("no game")));
     EXPECT_THAT(game_table(comparison).rows, SizeIs(2));
 }
 
@@ -84,10 +94,11 @@ TEST_F(Comparing, SaysWhatAReaderMustKnow) {
     config.group_by = {"agent"};
     const auto comparison = compared({}, config);
     EXPECT_FALSE(comparison.results[1].has_interval());
-    EXPECT_THAT(comparison.notes, Contains(HasSubstr("no interval: sac.")));
-    EXPECT_THAT(comparison.notes, Contains(HasSubstr("dqn (2)")));
-    EXPECT_THAT(comparison.notes, Contains(HasSubstr("b2 is unfinished")));
-    EXPECT_THAT(comparison.notes, Not(Contains(HasSubstr("b1"))));
+    EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("no interval: sac.")));
+    EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("dqn (2)")));
+    EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("b2 is unfinished")));
+    EXPECT_THAT(lines_of(comparison.notes), Not(Contains(HasSubstr("b1"))));
+    EXPECT_FALSE(comparison.is_complete());
 }
 
 TEST_F(Comparing, BaselinesNeedAllTheGames) {

@@ -188,8 +188,9 @@ TEST_F(Runs, TheSameRunTwiceCountsOnce) {
     const auto all = found();
     ASSERT_THAT(all.runs, SizeIs(2));
     EXPECT_EQ(all.runs[0].folder, folders_.path() / "b") << "the longer one stays";
-    ASSERT_THAT(all.left_out, SizeIs(1));
-    EXPECT_THAT(all.left_out[0].why, HasSubstr("same agent, settings, game and seed"));
+    EXPECT_THAT(all.left_out, IsEmpty());
+    ASSERT_THAT(all.repeated, SizeIs(1));
+    EXPECT_THAT(all.repeated[0].why, HasSubstr("same agent, settings, game and seed"));
 }
 
 TEST_F(Runs, AreUnfinishedWhileTheirStepsAreNotTaken) {

@@ -80,6 +80,12 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
                                     " --jobs 1 --threads 1 --retries 2 "));
 }
 
+TEST_F(SweepCommand, ListsAllItsRunsForTheReport) {
+    options_.only = {"*__2"};
+    answer();
+    EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__1\nPong__fake__2\n");
+}
+
 TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
     options_.only = {"Ping*"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
