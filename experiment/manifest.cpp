@@ -14,7 +14,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kFormatVersion = 4;
+constexpr int kFormatVersion = 5;
+constexpr int kOldestFormatVersion = 4;  // differs in the agent's file: see agent_file.h
 constexpr const char* kManifestFile = "manifest.json";
 
 [[noreturn]] void damaged() {
@@ -32,9 +33,11 @@ FileRecord parse_record(const nlohmann::json& json) {
 Manifest parse(const std::string& text) {
     try {
         const auto json = nlohmann::json::parse(text);
-        if (const auto& version = json.at("format_version"); version != kFormatVersion) {
-            throw std::runtime_error(fmt::format("its format is version {}, this program reads version {}",
-                                                 version.dump(), kFormatVersion));
+        if (const auto& version = json.at("format_version");
+            version != kFormatVersion && version != kOldestFormatVersion) {
+            throw std::runtime_error(
+                fmt::format("its format is version {}, this program reads versions {} and {}", version.dump(),
+                            kOldestFormatVersion, kFormatVersion));
         }
         Manifest manifest;
         for (const auto& [name, record] : json.at("files").items()) {
@@ -68,8 +71,8 @@ Manifest read_manifest(const fs::path& folder) {
             fs::exists(folder / "state.json")
                 ? fmt::format(
                       "it has no {}: it was damaged, or written by an older cale, which can finish the "
-                      "run (format 2; this program reads version {})",
-                      kManifestFile, kFormatVersion)
+                      "run (format 2; this program reads versions {} and {})",
+                      kManifestFile, kOldestFormatVersion, kFormatVersion)
                 : fmt::format("it has no {}", kManifestFile));
     }
     return parse(read_file(folder / kManifestFile));

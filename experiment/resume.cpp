@@ -22,6 +22,10 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
 
 }  // namespace
 
+std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
+    return step_in(folder.filename().native(), "");
+}
+
 std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {
     std::optional<std::int64_t> newest;
     std::error_code ignored;

@@ -10,9 +10,11 @@
 namespace cale {
 
 /// A resumed run may be made longer, and watched in another way; nothing else may differ.
-inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.total_steps",
+inline constexpr std::array<std::string_view, 14> kMayDifferOnResume = {"train.total_steps",
                                                                         "train.checkpoint_every",
                                                                         "train.keep_checkpoints",
+                                                                        "train.keep_every",
+                                                                        "train.keep_best",
                                                                         "train.save_replay",
                                                                         "eval.every",
                                                                         "eval.episodes",
@@ -22,6 +24,9 @@ inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.t
                                                                         "log.tensorboard",
                                                                         "env.rom_dir",
                                                                         "env.env_threads"};
+
+/// The step of a checkpoint: 250000 of a folder named step_000250000. None for another name.
+std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);
 
 /// The largest step that a name in the folder has: step_000250000 and then `ending`. None where there is no
 /// such name, or no folder.
