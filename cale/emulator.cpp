@@ -24,13 +24,18 @@ namespace {
 // A reset of Double Dunk takes some 20 / (1 - p) frames: with p = 1 it would never end.
 constexpr float kMostStickyMenu = 0.99F;
 
+std::vector<std::uint8_t> rom_bytes(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+    if (!stream.is_open() || bytes.empty())
+        throw std::runtime_error("the ROM file " + file.string() + " is empty or cannot be read");
+    return bytes;
+}
+
 // ALE ends the process when it does not like a file, so the file is examined beforehand.
 void check_rom(const Game& game, const std::filesystem::path& file) {
     const std::string name = "the ROM file " + file.string();
-    std::ifstream stream(file, std::ios::binary);
-    const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
-    if (!stream.is_open() || bytes.empty()) throw std::runtime_error(name + " is empty or cannot be read");
-
+    const auto bytes = rom_bytes(file);
     const std::string md5 = ale::stella::MD5(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
     const std::unique_ptr<const ale::RomSettings> known(ale::buildRomRLWrapper(std::string(game.rom), md5));
     if (known == nullptr)
@@ -79,6 +84,11 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
 }
 
 }  // namespace
+
+std::string rom_md5(const std::filesystem::path& rom_file) {
+    const auto bytes = rom_bytes(rom_file);
+    return ale::stella::MD5(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+}
 
 struct Emulator::Impl {
     Impl(const Game& game, const std::filesystem::path& rom_file, float sticky, std::uint32_t seed)

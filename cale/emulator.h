@@ -7,11 +7,16 @@
 #include <filesystem>
 #include <memory>
 #include <span>
+#include <string>
 
 #include "cale/action.h"
 #include "cale/games.h"
 
 namespace cale {
+
+/// The MD5 of a file in 32 hexadecimal digits, by which ALE tells ROMs apart. Throws std::runtime_error,
+/// naming the file, where it is empty or cannot be read.
+std::string rom_md5(const std::filesystem::path& rom_file);
 
 /// Different emulators may be used on different threads at the same time.
 class Emulator {

@@ -4,14 +4,18 @@
 
 #include <algorithm>
 #include <cstdio>  // renameat2
+#include <iterator>
+#include <span>
 #include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "experiment/agent_file.h"
 #include "experiment/failure.h"
 #include "experiment/files.h"
+#include "experiment/resume.h"
 #include "experiment/safetensors.h"
 #include "replay/replay_buffer.h"
 
@@ -20,12 +24,26 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kAgentFile = "agent.safetensors";
 constexpr const char* kGamesFile = "games.safetensors";
 constexpr const char* kReplayFile = "replay.zst";
 constexpr const char* kStateFile = "state.json";
 constexpr const char* kEventsFile = "joystick_events.csv";  // the run's, for people and reports
 constexpr const char* kPartial = ".partial";
+constexpr const char* kBest = "best";
+
+constexpr const char* kEvaluation = "evaluation";
+constexpr const char* kTraining = "training";
+
+nlohmann::json to_json(const std::optional<Score>& score) {
+    if (!score) return nullptr;
+    return {{"of", score->evaluated ? kEvaluation : kTraining}, {"mean_return", score->mean_return}};
+}
+
+std::optional<Score> score_in(const nlohmann::json& state) {
+    const auto found = state.find("score");  // checkpoints of format 4 have none
+    if (found == state.end() || found->is_null()) return std::nullopt;
+    return Score{.evaluated = found->at("of") == kEvaluation, .mean_return = found->at("mean_return")};
+}
 
 std::string to_json(const RunState& state) {
     return nlohmann::json{{"step", state.step},
@@ -37,6 +55,7 @@ std::string to_json(const RunState& state) {
                           {"episodes_offset", state.episodes_offset},
                           {"progress_rows", state.progress_rows},
                           {"evaluation_due", state.evaluation_due},
+                          {"score", to_json(state.score)},
                           {"metrics", state.metrics}}
                .dump(2) +
            "\n";
@@ -69,6 +88,7 @@ RunState from_json(const std::string& text) {
                 .episodes_offset = count(json, "episodes_offset"),
                 .progress_rows = count(json, "progress_rows"),
                 .evaluation_due = json.at("evaluation_due"),
+                .score = score_in(json),
                 .metrics = json.at("metrics")};
     } catch (const nlohmann::json::exception&) {
         throw std::runtime_error(fmt::format("{} is damaged", kStateFile));
@@ -118,16 +138,60 @@ StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with
                                  const std::function<void(const TensorMap&)>& restore_games,
                                  RunState& state) {
     StoredCheckpoint stored{folder, read_manifest(folder)};
-    for (const auto* file : {kAgentFile, kGamesFile, kStateFile})
+    for (const auto& file : {agent_file(folder), std::string(kGamesFile), std::string(kStateFile)})
         if (!stored.manifest.contains(file))
             throw std::runtime_error(fmt::format("its manifest.json lacks {}", file));
     verify(folder, stored.manifest);
     state = from_json(read_file(folder / kStateFile));
     restore_games(load_safetensors(folder / kGamesFile).tensors);
-    agent.load_state(load_safetensors(folder / kAgentFile).tensors);
+    agent.load_state(load_agent(folder));
     if (with_replay && agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
         agent.replay()->load(folder);
     return stored;
+}
+
+/// None where it has none, and where its files cannot be read.
+std::optional<Score> score_of(const fs::path& folder) {
+    try {
+        const auto manifest = read_manifest(folder);
+        verify(folder, {{kStateFile, manifest.at(kStateFile)}});
+        return from_json(read_file(folder / kStateFile)).score;
+    } catch (const std::exception&) {
+        return std::nullopt;
+    }
+}
+
+std::optional<fs::path> best_of(std::span<const fs::path> checkpoints) {
+    std::optional<fs::path> best;
+    std::optional<Score> best_score;
+    for (const auto& folder : checkpoints) {
+        const auto score = score_of(folder);
+        if (score <= best_score) continue;  // none is less than any
+        best = folder;
+        best_score = score;
+    }
+    return best;
+}
+
+/// Makes the link point to this checkpoint, at one stroke; none: there is no link.
+void link_best(const fs::path& link, const std::optional<fs::path>& best) {
+    std::error_code ignored;
+    if (!best) {
+        if (fs::is_symlink(link)) fs::remove(link);
+        return;
+    }
+    if (fs::read_symlink(link, ignored) == best->filename()) return;
+    const fs::path partial = link.string() + kPartial;
+    fs::remove(partial);
+    fs::create_directory_symlink(best->filename(), partial);
+    fs::rename(partial, link);
+}
+
+/// Whether it is the first one at or after a multiple of `retention.every`.
+bool stays_for_good(const fs::path& folder, const Retention& retention) {
+    if (retention.every == 0) return false;
+    const auto step = checkpoint_step(folder).value_or(0);
+    return step >= retention.every && step % retention.every < retention.step_size;
 }
 
 }  // namespace
@@ -158,7 +222,7 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
             });
             snapshot.replay.reset();
         }
-        save_safetensors(partial / kAgentFile, snapshot.agent);
+        save_agent(partial, snapshot.agent);
         save_safetensors(partial / kGamesFile, snapshot.games);
         write_file_atomically(partial / kStateFile, to_json(snapshot.state));
         write_file_atomically(partial / "config.yaml", snapshot.config);
@@ -177,11 +241,16 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
     }
 }
 
-void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, std::int64_t keep) {
+void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, const Retention& retention) {
     const auto all = list_checkpoints(run_dir);
-    const auto end = std::find(all.begin(), all.end(), newest) - all.begin() + 1;
-    for (std::ptrdiff_t i = 0; i < std::ssize(all); ++i)
-        if (i + keep < end || i >= end) delete_checkpoint(all[static_cast<std::size_t>(i)]);
+    const auto past = std::next(std::find(all.begin(), all.end(), newest));
+    const auto best = retention.best ? best_of({all.begin(), past}) : std::nullopt;
+    link_best(run_dir / "checkpoints" / kBest, best);
+    for (auto folder = all.begin(); folder != all.end(); ++folder) {
+        const bool stays = folder < past && (past - folder <= retention.newest ||
+                                             stays_for_good(*folder, retention) || *folder == best);
+        if (!stays) delete_checkpoint(*folder);
+    }
     std::vector<fs::path> unfinished;
     for (const auto& entry : fs::directory_iterator(run_dir / "checkpoints"))
         if (entry.path().extension() == kPartial) unfinished.push_back(entry.path());

@@ -1,16 +1,19 @@
 // Checkpoints: everything that a run needs to go on, in one folder
 //
 //     <run>/checkpoints/step_000250000/
-//         agent.safetensors   networks, optimisers, random generators, counters, a rollout under way
-//         games.safetensors   the games under way
+//         agent.safetensors.zst   networks, optimisers, random generators, counters, a rollout under way;
+//                                 see agent_file.h
+//         games.safetensors       the games under way
 //         replay.zst, frames-*.zst, transitions-*.zst   the replay (train.save_replay); see replay_snapshot.h
-//         state.json          where the run stood
-//         config.yaml         the settings that it was trained with
-//         manifest.json       size and checksum of each of these
+//         state.json              where the run stood
+//         config.yaml             the settings that it was trained with
+//         manifest.json           size and checksum of each of these
+//     <run>/checkpoints/best      a symbolic link to the best one, with train.keep_best
 //
 // A folder appears under its name only when it is complete and on the disk.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -27,6 +30,21 @@
 
 namespace cale {
 
+/// How good a checkpoint's agent is, as train.keep_best compares them.
+struct Score {
+    bool evaluated = false;  // an evaluation's mean return; else that of the newest training episodes
+    double mean_return = 0;
+    auto operator<=>(const Score&) const = default;  // whatever was evaluated is better than what was not
+};
+
+/// Which checkpoints stay.
+struct Retention {
+    std::int64_t newest = 2;     // so many of the newest
+    std::int64_t every = 0;      // for good: the first one at or after each multiple of this; 0: none
+    std::int64_t step_size = 1;  // agent steps that are made at once, one per environment
+    bool best = false;           // the one with the largest score, of equal ones the first
+};
+
 /// Where a run stands.
 struct RunState {
     std::int64_t step = 0;   // agent steps, over all environments
@@ -38,6 +56,7 @@ struct RunState {
     std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far
     std::int64_t progress_rows = 0;           // reports in progress.csv
     bool evaluation_due = false;              // one was cut off: it is played when the run goes on
+    std::optional<Score> score{};             // at this step; none where none was due
     std::map<std::string, double> metrics{};  // of the agent's newest update
 };
 
@@ -77,10 +96,11 @@ struct ResumeError : std::runtime_error {
 StoredCheckpoint write_checkpoint(const std::filesystem::path& run_dir, RunSnapshot snapshot,
                                   const StoredCheckpoint* last, const StoredCheckpoint* before_last);
 
-/// Deletes all but the newest `keep` checkpoints up to `newest`, those after it (a damaged one's run has come
-/// to another end), and what killed runs left unfinished.
+/// Deletes the checkpoints up to `newest` that do not stay, those after it (a damaged one's run has come
+/// to another end), and what killed runs left unfinished. What stays follows from what is on the disk. With
+/// `retention.best` the link "best" is made to point to that one.
 void delete_other_checkpoints(const std::filesystem::path& run_dir, const std::filesystem::path& newest,
-                              std::int64_t keep);
+                              const Retention& retention);
 
 /// The complete checkpoints of a run, oldest first.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_dir);

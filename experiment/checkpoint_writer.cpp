@@ -5,9 +5,9 @@
 
 namespace cale {
 
-CheckpointWriter::CheckpointWriter(std::filesystem::path run_dir, std::int64_t keep,
+CheckpointWriter::CheckpointWriter(std::filesystem::path run_dir, Retention retention,
                                    std::optional<StoredCheckpoint> resumed)
-    : run_dir_(std::move(run_dir)), keep_(keep), last_(std::move(resumed)) {}
+    : run_dir_(std::move(run_dir)), retention_(retention), last_(std::move(resumed)) {}
 
 void CheckpointWriter::start(RunSnapshot snapshot) {
     finish();
@@ -28,7 +28,7 @@ void CheckpointWriter::write(RunSnapshot snapshot) {
     auto written = write_checkpoint(run_dir_, std::move(snapshot), last_ ? &*last_ : nullptr,
                                     before_last_ ? &*before_last_ : nullptr);
     before_last_ = std::exchange(last_, std::move(written));
-    delete_other_checkpoints(run_dir_, last_->folder, keep_);
+    delete_other_checkpoints(run_dir_, last_->folder, retention_);
 }
 
 }  // namespace cale

@@ -1,7 +1,6 @@
 // Checkpoints written beside the training.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <future>
 #include <optional>
@@ -14,8 +13,8 @@ namespace cale {
 /// snapshot; its results do not depend on how long the writing takes.
 class CheckpointWriter {
   public:
-    /// `keep`: how many checkpoints stay. `resumed`: the one that the run goes on from.
-    CheckpointWriter(std::filesystem::path run_dir, std::int64_t keep,
+    /// `resumed`: the checkpoint that the run goes on from.
+    CheckpointWriter(std::filesystem::path run_dir, Retention retention,
                      std::optional<StoredCheckpoint> resumed);
 
     /// Begins to write, once the one before is written. Throws what finish() throws.
@@ -29,7 +28,7 @@ class CheckpointWriter {
     void write(RunSnapshot snapshot);
 
     std::filesystem::path run_dir_;
-    std::int64_t keep_;
+    Retention retention_;
     std::optional<StoredCheckpoint> last_, before_last_;
     std::future<void> under_way_;  // last: it is waited for before the rest is destroyed
 };

@@ -22,13 +22,13 @@
 #include "agents/sac.h"
 #include "agents/sacd.h"
 #include "cale/games.h"
+#include "experiment/agent_file.h"
 #include "experiment/checkpoint.h"
 #include "experiment/config.h"
 #include "experiment/files.h"
 #include "experiment/manifest.h"
 #include "experiment/onnx.h"
 #include "experiment/run_config.h"
-#include "experiment/safetensors.h"
 #include "experiment/versions.h"
 #include "policy/actor_network.h"
 #include "policy_lite/policy_file.h"
@@ -180,7 +180,7 @@ torch::Tensor parameter_of(const TensorMap& state, const std::string& name) {
     // PPO's log standard deviations as released are a sum (LogStd::summed).
     const auto weight = find(name + ".weight"), bias = find(name + ".bias");
     if (weight.defined() && bias.defined()) return weight.sum(1) + bias;
-    throw std::runtime_error(fmt::format("its agent.safetensors has no '{}'", name));
+    throw std::runtime_error(fmt::format("its agent has no '{}'", name));
 }
 
 void take_weights(const TensorMap& state, PolicyFile& policy) {
@@ -209,7 +209,7 @@ void make_golden(PolicyFile& policy) {
 /// Throws std::runtime_error where the two files that are needed are not what was written.
 void verify_parts(const fs::path& folder) {
     const auto manifest = read_manifest(folder);
-    for (const auto* name : {"agent.safetensors", "state.json"}) {
+    for (const auto& name : {agent_file(folder), std::string("state.json")}) {
         const auto record = manifest.find(name);
         if (record == manifest.end()) throw std::runtime_error(fmt::format("it lacks {}", name));
         verify(folder, {*record});
@@ -219,7 +219,12 @@ void verify_parts(const fs::path& folder) {
 std::string from_checkpoint(const fs::path& folder) {
     verify_parts(folder);
     const auto run_dir = folder.parent_path().parent_path();
-    const auto metadata = nlohmann::json::parse(read_file(run_dir / "metadata.json"));
+    const auto metadata = nlohmann::json::parse(read_file(run_dir / "metadata.json"), nullptr, false);
+    if (!metadata.is_object() || !metadata.contains("exp_name") || !metadata["exp_name"].is_string())
+        throw std::runtime_error(fmt::format(
+            "{} is damaged: it names no agent; put a copy of it back, or write \"exp_name\": \"sac\", or "
+            "whichever it is, into it",
+            (run_dir / "metadata.json").string()));
     const auto state = nlohmann::json::parse(read_file(folder / "state.json"));
     auto policy = described(metadata.at("exp_name").get<std::string>(), run_dir / "config.yaml");
     auto& origin = policy.info.provenance;
@@ -227,7 +232,7 @@ std::string from_checkpoint(const fs::path& folder) {
     origin["frames"] = std::to_string(state.at("frame").get<std::int64_t>());
     for (const auto* name : {"cale", "ale", "libtorch"}) origin[name] = metadata.value(name, "");
     origin["config"] = without_comments(read_file(run_dir / "config.yaml"));
-    take_weights(load_safetensors(folder / "agent.safetensors").tensors, policy);
+    take_weights(load_agent(folder), policy);
     make_golden(policy);
     return policy_file_contents(policy);
 }
@@ -274,9 +279,9 @@ std::string read_policy_file(const fs::path& path) {
 std::string policy_file_of(const fs::path& path) {
     auto where = fs::absolute(path).lexically_normal();
     if (!where.has_filename()) where = where.parent_path();  // a slash at the end
-    if (where.filename() == "agent.safetensors") where = where.parent_path();
+    if (where.filename() == agent_file(where.parent_path())) where = where.parent_path();
     if (!fs::is_directory(where)) return read_policy_file(path);
-    if (!fs::exists(where / "agent.safetensors")) {
+    if (!fs::exists(where / agent_file(where))) {
         if (fs::exists(where / "config.yaml")) return from_run(where);
         refuse(path, "it is the folder of neither a run nor a checkpoint");
     }

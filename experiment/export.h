@@ -11,7 +11,7 @@
 
 namespace cale {
 
-/// The policy of a policy file, of a checkpoint (a folder, or the agent.safetensors in it) or of a run's
+/// The policy of a policy file, of a checkpoint (a folder, or the agent's file in it) or of a run's
 /// folder, then that of its newest checkpoint which can be read. Throws std::runtime_error, one sentence that
 /// names the path and what is wrong with it.
 Policy policy_of(const std::filesystem::path& path, torch::Device device = torch::kCPU);

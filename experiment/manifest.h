@@ -1,7 +1,7 @@
 // What a checkpoint's folder must hold: each file's size and checksum, in manifest.json
 //
 //     {"format_version": 5,
-//      "files": {"agent.safetensors": {"bytes": 27040936, "crc32c": "5ef2a0c1"}, ...}}
+//      "files": {"agent.safetensors.zst": {"bytes": 27040936, "crc32c": "5ef2a0c1"}, ...}}
 #pragma once
 
 #include <cstdint>

@@ -16,7 +16,7 @@ bool agreed_to_stop(const ProcessGroup& processes, bool meeting) {
 Outcome train_beside(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
                      const LogConfig& log, const TrainOptions& options) {
     const StopSignals signals;
-    const Rhythm rhythm{config.total_steps, {log.every, eval.every, config.checkpoint_every}};
+    const Rhythm rhythm(config, eval, log);
     GamesUnderWay games(env, static_cast<std::uint64_t>(config.seed), options.processes);
     RunState state;
     if (options.resume) {
@@ -32,6 +32,7 @@ Outcome train_beside(Agent& agent, const EnvConfig& env, const TrainConfig& conf
         given_step = state.step;
     };
     if (!options.resume || options.changed) give_state();
+    if (state.evaluation_due && evaluations_decide(config, eval)) give_state();
     std::vector<Episode> ended;
     bool stop = agreed_to_stop(options.processes, /*meeting=*/true);
     while (state.step < config.total_steps && !stop) {
@@ -42,10 +43,11 @@ Outcome train_beside(Agent& agent, const EnvConfig& env, const TrainConfig& conf
         games.take_in(actions, agent, state, ended);
         const bool meeting = rhythm.meets(before, state.step);
         if (meeting) games.meet(state, ended);
-        if (passed(before, state.step, config.checkpoint_every)) give_state();
+        if (checkpoint_due(config, eval, before, state.step)) give_state();
         stop = agreed_to_stop(options.processes, meeting);
     }
     if (given_step != state.step) give_state();
+    if (state.step >= config.total_steps && evaluations_decide(config, eval)) give_state();
     return state.step < config.total_steps ? Outcome::interrupted : Outcome::finished;
 }
 

@@ -1,7 +1,6 @@
 #include "experiment/program.h"
 
 #include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -13,11 +12,9 @@
 #include <ATen/Context.h>
 #include <ATen/Parallel.h>
 #include <c10/core/impl/VirtualGuardImpl.h>
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <torch/cuda.h>
 #include <torch/types.h>
-#include <nlohmann/json.hpp>
 
 #include "agents/memory.h"
 #include "cale/games.h"
@@ -27,13 +24,14 @@
 #include "experiment/console.h"
 #include "experiment/failure.h"
 #include "experiment/files.h"
+#include "experiment/metadata.h"
 #include "experiment/new_folder.h"
 #include "experiment/resume.h"
 #include "experiment/run_lock.h"
 #include "experiment/standard_output.h"
+#include "experiment/stop_signals.h"
 #include "experiment/threads.h"
 #include "experiment/training.h"
-#include "experiment/versions.h"
 #include "replay/available_memory.h"
 
 namespace cale {
@@ -92,12 +90,15 @@ torch::Device choose_device(const std::string& wish, const std::optional<Process
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads
 /// round differently.
-int choose_threads(const std::string& wish, const Program& program, const std::optional<fs::path>& resumed,
-                   int processes_here) {
-    if (wish != "auto") return std::stoi(wish);
-    if (resumed) {
-        const auto metadata = nlohmann::json::parse(read_file(*resumed / "metadata.json"), nullptr, false);
-        if (metadata.is_object() && metadata.value("threads", 0) > 0) return metadata["threads"].get<int>();
+int choose_threads(const CommandLine& line, const Program& program, const std::optional<Metadata>& resumed,
+                   const fs::path& run_dir, int processes_here) {
+    if (line.threads != "auto") return std::stoi(line.threads);
+    if (resumed && resumed->threads()) return *resumed->threads();
+    if (line.resume && !resumed) {
+        throw ResumeError(
+            fmt::format("--resume {}: there is no metadata.json that says with how many threads the run was "
+                        "started; say --threads with that number",
+                        run_dir.string()));
     }
     const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
     const auto env_threads = static_cast<int>(VectorEnv::threads(program.env));
@@ -114,16 +115,6 @@ std::string grouped(std::int64_t number) {
         text += digits[i];
     }
     return text;
-}
-
-std::string utc_now() {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-}
-
-std::string host_name() {
-    char name[256] = {};
-    gethostname(name, sizeof(name) - 1);
-    return name;
 }
 
 fs::path choose_run_dir(const CommandLine& line, const Program& program, const Game& game) {
@@ -213,39 +204,47 @@ std::string accepted_changes(const Program& program, const fs::path& run_dir, bo
     return different;
 }
 
-void write_metadata(const fs::path& run_dir, const Program& program, const Game& game, const fs::path& rom,
-                    const torch::Device& device, int threads, int processes, int argc,
-                    const char* const* argv) {
+std::string joined(int argc, const char* const* argv) {
     std::string command;
     for (int i = 0; i < argc; ++i) command += fmt::format("{}{}", i > 0 ? " " : "", argv[i]);
-    const nlohmann::json metadata = {{"program", program.name},
-                                     {"cale", cale_version()},
-                                     {"ale", ale_version()},
-                                     {"libtorch", torch_version()},
-                                     {"command", command},
-                                     {"started", utc_now()},
-                                     {"host", host_name()},
-                                     {"device", device.str()},
-                                     {"threads", threads},
-                                     {"processes", processes},
-                                     {"schedule_over_run", program.schedule_over_run()},
-                                     {"env_id", fmt::format("ALE/{}-v5", game.name)},
-                                     {"exp_name", program.agent_name},
-                                     {"seed", program.train.seed},
-                                     {"rom", rom.string()}};
-    // A path need not be UTF-8, as JSON must.
-    write_file_atomically(run_dir / "metadata.json",
-                          metadata.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+    return command;
 }
 
-/// metadata.json remembers what was changed in mid-run, and when.
-void add_to_metadata(const fs::path& run_dir, const Program& program, const std::string& changes) {
-    const auto file = run_dir / "metadata.json";
-    auto metadata = nlohmann::json::parse(read_file(file), nullptr, false);
-    if (!metadata.is_object()) metadata = nlohmann::json::object();
-    metadata["accepted_changes"].push_back(fmt::format("{}: {}", utc_now(), changes));
-    metadata["schedule_over_run"] = program.schedule_over_run();
-    write_file_atomically(file, metadata.dump(2) + "\n");
+/// What a run that is to be resumed says of itself. Throws ResumeError where it is damaged.
+std::optional<Metadata> read_metadata(const fs::path& run_dir) {
+    try {
+        return Metadata::read(run_dir);
+    } catch (const std::exception& error) {
+        throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
+    }
+}
+
+/// train(), whose end metadata.json remembers.
+Outcome train_on_record(Agent& agent, const Program& program, const TrainOptions& options,
+                        Metadata* metadata) {
+    if (metadata == nullptr)
+        return train(agent, program.env, program.train, program.eval, program.log, options);
+    try {
+        const auto outcome = train(agent, program.env, program.train, program.eval, program.log, options);
+        if (outcome == Outcome::finished) {
+            metadata->finish();
+        } else {
+            metadata->stop(
+                fmt::format("{}", stop_signal().empty() ? "another process was stopped" : stop_signal()));
+        }
+        metadata->write();
+        return outcome;
+    } catch (const ResumeError&) {
+        throw;  // nothing has been trained
+    } catch (const std::exception& error) {
+        try {
+            metadata->stop(failure_sentence(error));
+            metadata->write();
+        } catch (const std::exception&) {
+            // The disk is full: the first failure is the one to report.
+        }
+        throw;
+    }
 }
 
 /// 0: the continuous joystick. Makes an environment once, so that what is wrong with it, or with the ROM, is
@@ -328,9 +327,8 @@ int run(const Program& program, int argc, const char* const* argv) {
     fs::path run_dir = choose_run_dir(line, program, *game);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
-    const int threads =
-        choose_threads(line.threads, program, line.resume ? std::optional(run_dir) : std::nullopt,
-                       place ? place->local_size : 1);
+    auto metadata = line.resume ? read_metadata(run_dir) : std::nullopt;
+    const int threads = choose_threads(line, program, metadata, run_dir, place ? place->local_size : 1);
     at::set_num_threads(threads);
 
     AgentSpec spec = spec_of(program.env, program.train);
@@ -354,13 +352,23 @@ int run(const Program& program, int argc, const char* const* argv) {
                                   processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
+    const RunIdentity identity{.program = program.name,
+                               .agent = program.agent_name,
+                               .env_id = fmt::format("ALE/{}-v5", game->name),
+                               .seed = program.train.seed,
+                               .rom = rom};
+    const Sitting sitting{.command = joined(argc, argv),
+                          .device = device.str(),
+                          .threads = threads,
+                          .processes = static_cast<int>(processes.size())};
     std::optional<RunLock> lock;
     if (processes.first()) {
         lock.emplace(run_dir);
+        if (!line.resume) require_no_run(run_dir);  // that came and went while the agent was made
+        if (!metadata) metadata.emplace(run_dir, identity, sitting);
+        metadata->set_schedule_over_run(program.schedule_over_run());
         if (!line.resume) {
-            require_no_run(run_dir);  // that came and went while the agent was made
-            // In this order: see require_no_run().
-            write_metadata(run_dir, program, *game, rom, device, threads, processes.size(), argc, argv);
+            metadata->write();  // in this order: see require_no_run()
             write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         }
     }
@@ -371,11 +379,14 @@ int run(const Program& program, int argc, const char* const* argv) {
     options.resume = line.resume;
     options.changed = !changes.empty();
     options.config = program.table.to_yaml();
-    options.resumed = [&] {
+    options.checkpointed = [&] { metadata->write(); };
+    options.resumed = [&](double trained_seconds) {
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
-        if (changes.empty()) return;
-        add_to_metadata(run_dir, program, changes);
-        std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
+        metadata->resume(sitting, trained_seconds);
+        if (!changes.empty()) metadata->add_change(changes);
+        metadata->write();
+        if (!changes.empty())
+            std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
     };
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
@@ -383,7 +394,8 @@ int run(const Program& program, int argc, const char* const* argv) {
         options.hyperparameters.emplace_back(entry.key, entry.get());
 
     try {
-        const Outcome outcome = train(*agent, program.env, program.train, program.eval, program.log, options);
+        const Outcome outcome =
+            train_on_record(*agent, program, options, processes.first() ? &*metadata : nullptr);
         return outcome == Outcome::finished ? kDone : kInterrupted;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;

@@ -24,6 +24,10 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
 
 }  // namespace
 
+std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
+    return step_in(folder.filename().native(), "");
+}
+
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run) {
     const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();

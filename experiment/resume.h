@@ -12,9 +12,11 @@ namespace cale {
 
 /// A resumed run may be made longer, unless a schedule lasts for the whole run, and watched in another way;
 /// nothing else may differ.
-inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.total_steps",
+inline constexpr std::array<std::string_view, 14> kMayDifferOnResume = {"train.total_steps",
                                                                         "train.checkpoint_every",
                                                                         "train.keep_checkpoints",
+                                                                        "train.keep_every",
+                                                                        "train.keep_best",
                                                                         "train.save_replay",
                                                                         "eval.every",
                                                                         "eval.episodes",
@@ -25,6 +27,8 @@ inline constexpr std::array<std::string_view, 12> kMayDifferOnResume = {"train.t
                                                                         "env.rom_dir",
                                                                         "env.env_threads"};
 
+/// The step of a checkpoint: 250000 of a folder named step_000250000. None for another name.
+std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);
 /// "agent.gamma was 0.99 and is now 0.5"; empty where the setting may differ. `schedule_over_run`: the key of
 /// the setting by which a schedule lasts for the whole run, so that its length is no free choice; empty:
 /// there is none.

@@ -18,6 +18,8 @@ struct TrainConfig {
     std::int64_t seed = 1;
     std::int64_t checkpoint_every = 250'000;
     std::int64_t keep_checkpoints = 2;
+    std::int64_t keep_every = 0;
+    bool keep_best = false;
     bool save_replay = true;
     bool overlap = false;
 };
@@ -29,7 +31,15 @@ void fields(TrainConfig& config, Visit&& visit) {
     visit("seed", config.seed, Range{0, 4294967295.0}, "everything random in the run follows from it");
     visit("checkpoint_every", config.checkpoint_every, Range{1, 1e12},
           "agent steps between checkpoints; one is always written at the end");
-    visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000}, "older checkpoints are deleted");
+    visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000},
+          "so many of the newest checkpoints stay");
+    visit("keep_every", config.keep_every, Range{0, 1e12},
+          "a checkpoint at each multiple of so many agent steps stays for good; 0: none");
+    visit("keep_best", config.keep_best,
+          "the best checkpoint stays, and checkpoints/best points to it: the largest mean return over the "
+          "newest 100 "
+          "training episodes or, with eval.every, of an evaluation, after each of which a checkpoint is "
+          "written then");
     visit("save_replay", config.save_replay,
           "checkpoints hold the replay; without it a resumed run starts with an empty one");
     visit("overlap", config.overlap,

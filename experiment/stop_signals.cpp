@@ -10,8 +10,8 @@ volatile std::sig_atomic_t requested = 0;
 StopSignals::StopSignals() {
     requested = 0;
     struct sigaction action = {};
-    action.sa_handler = [](int) {
-        requested = 1;
+    action.sa_handler = [](int signal) {
+        requested = signal;
         std::signal(SIGINT, SIG_DFL);
         std::signal(SIGTERM, SIG_DFL);
     };
@@ -27,6 +27,11 @@ StopSignals::~StopSignals() {
 
 bool stop_requested() {
     return requested != 0;
+}
+
+std::string_view stop_signal() {
+    if (!stop_requested()) return {};
+    return requested == SIGINT ? "SIGINT" : "SIGTERM";
 }
 
 }  // namespace cale

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <csignal>
+#include <string_view>
 
 namespace cale {
 
@@ -21,5 +22,7 @@ class StopSignals {
 
 /// Since the newest StopSignals began.
 bool stop_requested();
+/// The name of the signal that came: "SIGINT" or "SIGTERM". Empty where none did.
+std::string_view stop_signal();
 
 }  // namespace cale

@@ -87,7 +87,7 @@ class Run {
           eval_(eval),
           log_(log),
           options_(options),
-          rhythm_{config.total_steps, {log.every, eval.every, config.checkpoint_every}},
+          rhythm_(config, eval, log),
           env_id_(fmt::format("ALE/{}-v5", find_game(env.game).name)),
           console_(stderr, options.progress_bar),
           games_(env, static_cast<std::uint64_t>(config.seed), options.processes),
@@ -102,7 +102,11 @@ class Run {
                     resumed_ ? std::optional(state_.episodes_offset) : std::nullopt),
           progress_(options.run_dir / "progress.csv",
                     resumed_ ? std::optional(state_.progress_rows) : std::nullopt),
-          checkpoints_(options.run_dir, config.keep_checkpoints,
+          checkpoints_(options.run_dir,
+                       {.newest = config.keep_checkpoints,
+                        .every = config.keep_every,
+                        .step_size = env.num_envs,
+                        .best = config.keep_best},
                        resumed_ ? std::optional(resumed_->stored) : std::nullopt) {
         reported_ = progress();
         if (log.tensorboard) {
@@ -116,15 +120,19 @@ class Run {
         if (resumed_) {
             for (const auto& sentence : resumed_->passed_over) console_.message(sentence);
             console_.message(fmt::format("Resumed at agent step {}.", state_.step));
-            if (options_.resumed) options_.resumed();
+            if (options_.resumed) options_.resumed(state_.seconds);
         }
         // So that a run can go on from its first step on, and remembers what was changed.
         if (!resumed_ || options_.changed) checkpoint();
-        if (state_.evaluation_due) state_.evaluation_due = !run_evaluation();
+        if (state_.evaluation_due) {
+            state_.evaluation_due = !run_evaluation();
+            if (!state_.evaluation_due) checkpoint_of_evaluation();
+        }
         std::vector<Episode> ended;
         bool stop = agreed_to_stop(options_.processes, /*meeting=*/true);
         while (state_.step < config_.total_steps && !stop) {
             const std::int64_t before = state_.step;
+            state_.score.reset();
             if (config_.overlap) {
                 step_while_learning(ended);
             } else {
@@ -140,11 +148,17 @@ class Run {
             // In this order: a run that is killed in an evaluation repeats it.
             if (passed(before, state_.step, eval_.every) && state_.step < config_.total_steps)
                 state_.evaluation_due = !run_evaluation();
-            if (passed(before, state_.step, config_.checkpoint_every)) checkpoint();
+            if (checkpoint_due(config_, eval_, before, state_.step)) scheduled_checkpoint();
             checkpoints_.check();
             stop = agreed_to_stop(options_.processes, meeting);
         }
-        if (written_step_ != state_.step) checkpoint();
+        if (written_step_ != state_.step) {
+            if (state_.step >= config_.total_steps) {
+                scheduled_checkpoint();
+            } else {
+                checkpoint();
+            }
+        }
         report_the_rest();
         draw_curve();
         checkpoints_.finish();
@@ -153,6 +167,8 @@ class Run {
                                          state_.step, options_.run_dir.string()));
             return Outcome::interrupted;
         }
+        checkpoint_of_evaluation();
+        checkpoints_.finish();
         console_.finish(reported_, fmt::format("Results: {}", options_.run_dir.string()));
         return Outcome::finished;
     }
@@ -293,6 +309,19 @@ class Run {
             snapshot.replay.emplace(agent_.replay()->snapshot());
         checkpoints_.start(std::move(snapshot));
         written_step_ = state_.step;
+        if (options_.checkpointed) options_.checkpointed();
+    }
+
+    /// One that an uninterrupted run writes, too, so that train.keep_best compares it.
+    void scheduled_checkpoint() {
+        const auto training_return = mean(state_.recent_returns);
+        if (!state_.score && training_return && !evaluations_decide(config_, eval_))
+            state_.score = {.evaluated = false, .mean_return = *training_return};
+        checkpoint();
+    }
+    /// Writes the checkpoint of this step again, after an evaluation that came later than it did.
+    void checkpoint_of_evaluation() {
+        if (evaluations_decide(config_, eval_)) checkpoint();
     }
 
     /// Returns false where a signal has cut it off; the agent is then as it was before.
@@ -312,6 +341,8 @@ class Run {
             return false;
         }
         write_evaluation(csv, result);
+        if (evaluations_decide(config_, eval_))
+            state_.score = {.evaluated = true, .mean_return = result.mean_return};
         if (events_) events_->write(state_.step, {{"eval/episodic_return", result.mean_return}});
         console_.message(fmt::format(
             "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "

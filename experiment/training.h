@@ -17,8 +17,10 @@ namespace cale {
 struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
     bool resume = false;
-    std::function<void()> resumed = {};  // called once the run's state has been loaded
-    bool changed = false;                // with resume: settings differ from the checkpoint's
+    /// Called once the run's state has been loaded, with the seconds that it has been trained for so far.
+    std::function<void(double)> resumed = {};
+    std::function<void()> checkpointed = {};  // called whenever a checkpoint has been begun
+    bool changed = false;                     // with resume: settings differ from the checkpoint's
     bool progress_bar = true;
     ProcessGroup processes{};  // that train together; the first one writes the files
     std::string agent_name;    // "sac", for episodes.csv

@@ -2,10 +2,15 @@
 
 #include <torch/version.h>
 
+#include "commit.h"  // see write_commit.cmake
+
 namespace cale {
 
 std::string_view cale_version() {
     return CALE_VERSION;
+}
+std::string_view cale_commit() {
+    return CALE_COMMIT;
 }
 std::string_view torch_version() {
     return TORCH_VERSION;

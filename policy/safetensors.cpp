@@ -33,7 +33,10 @@ torch::Tensor make_tensor(const std::string& name, const StoredTensor& stored) {
 }  // namespace
 
 SafetensorsFile load_safetensors(const std::filesystem::path& path) {
-    const auto contents = read_whole_file(path);
+    return parse_safetensors(read_whole_file(path), path);
+}
+
+SafetensorsFile parse_safetensors(std::string_view contents, const std::filesystem::path& path) {
     try {
         auto stored = stored_tensors(contents);
         SafetensorsFile file{{}, std::move(stored.metadata)};

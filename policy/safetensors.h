@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <torch/types.h>
@@ -21,6 +22,8 @@ struct SafetensorsFile {
 /// Reads a whole file. Everything is checked before memory is allocated for it, which is
 /// never much more than the file's size. Throws std::runtime_error that names the file and what is wrong.
 SafetensorsFile load_safetensors(const std::filesystem::path& path);
+/// The same for the contents of a file, which is named as `path`.
+SafetensorsFile parse_safetensors(std::string_view contents, const std::filesystem::path& path);
 
 /// The pieces of a file, one behind the other.
 struct SafetensorsPieces {

@@ -30,12 +30,14 @@ namespace {
 constexpr double kLongestIteration = 250'000;  // agent steps
 
 /// No result depends on these, or a report tells them apart anyway.
-constexpr std::array<std::string_view, 12> kWithoutEffect{"env.game",
+constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
                                                           "env.rom_dir",
                                                           "env.env_threads",
                                                           "train.seed",
                                                           "train.checkpoint_every",
                                                           "train.keep_checkpoints",
+                                                          "train.keep_every",
+                                                          "train.keep_best",
                                                           "train.save_replay",
                                                           "eval.every",
                                                           "eval.episodes",

@@ -11,10 +11,14 @@
 #include <sys/fsuid.h>
 #include <sys/stat.h>
 #include <torch/types.h>
+#include <nlohmann/json.hpp>
 
+#include "experiment/agent_file.h"
 #include "experiment/checkpoint_writer.h"
 #include "experiment/files.h"
+#include "experiment/resume.h"
 #include "experiment/run_lock.h"
+#include "experiment/safetensors.h"
 #include "full_disk.h"
 #include "replay/replay_buffer.h"
 #include "temporary_folder.h"
@@ -71,6 +75,19 @@ class Checkpoints : public testing::Test {
         writer.finish();
         return list_checkpoints(run).back();
     }
+    void write_by(CheckpointWriter& by, std::int64_t step, std::optional<Score> score = std::nullopt) {
+        while (agent.steps < step) agent.step();
+        auto taken = snapshot();
+        taken.state.score = score;
+        by.start(std::move(taken));
+        by.finish();
+    }
+    std::vector<std::int64_t> steps_left() const {
+        std::vector<std::int64_t> steps;
+        for (const auto& folder : list_checkpoints(run))
+            steps.push_back(checkpoint_step(folder).value_or(-1));
+        return steps;
+    }
     Checkpoint load() {
         return load_newest_checkpoint(run, agent, /*with_replay=*/true, [&](const TensorMap& games) {
             if (games_are_bad) throw std::runtime_error("these games cannot be");
@@ -94,7 +111,8 @@ class Checkpoints : public testing::Test {
     test::TemporaryFolder run_folder;
     fs::path run = run_folder.path();
     Rememberer agent;
-    CheckpointWriter writer{run, /*keep=*/3, std::nullopt};
+    Retention retention{.newest = 3};
+    CheckpointWriter writer{run, retention, std::nullopt};
     bool games_are_bad = false;
 };
 
@@ -175,7 +193,7 @@ TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
     }
     write_file_atomically(folder / "manifest.json", R"({"format_version": 5, "files": {}})");
     EXPECT_THAT([&] { load(); },
-                ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors")));
+                ThrowsMessage<ResumeError>(HasSubstr("its manifest.json lacks agent.safetensors.zst")));
 }
 
 TEST_F(Checkpoints, OnlyTheNewestStay) {
@@ -189,6 +207,85 @@ TEST_F(Checkpoints, OnlyTheNewestStay) {
     std::vector<std::string> left;
     for (const auto& folder : fs::directory_iterator(checkpoints)) left.push_back(folder.path().filename());
     EXPECT_THAT(left, testing::UnorderedElementsAre("step_000000020", "step_000000030", "step_000000040"));
+}
+
+TEST_F(Checkpoints, OfFormat4AreRead) {
+    const auto folder = write_at(100);
+    auto manifest = read_manifest(folder);
+    const auto replace = [&](const std::string& file, const std::string& by) {
+        manifest.erase(file);
+        fs::remove(folder / file);
+        manifest[by] = record_of(folder / by);
+    };
+    save_safetensors(folder / "agent.safetensors", load_agent(folder));
+    replace("agent.safetensors.zst", "agent.safetensors");
+    auto state = nlohmann::json::parse(read_file(folder / "state.json"));
+    state.erase("score");
+    write_file_atomically(folder / "new", state.dump());
+    fs::copy_file(folder / "new", folder / "state.json", fs::copy_options::overwrite_existing);
+    fs::remove(folder / "new");
+    manifest["state.json"] = record_of(folder / "state.json");
+    write_manifest(folder, manifest);
+    auto json = nlohmann::json::parse(read_file(folder / "manifest.json"));
+    json["format_version"] = 4;
+    write_file_atomically(folder / "manifest.json", json.dump());
+    agent.steps = 0;
+    EXPECT_EQ(load().state.step, 100);
+    EXPECT_EQ(agent.steps, 100);
+    EXPECT_EQ(load().state.score, std::nullopt);
+}
+
+TEST_F(Checkpoints, AtMultiplesStayForGood) {
+    retention = {.newest = 2, .every = 100, .step_size = 4};
+    CheckpointWriter begun{run, retention, std::nullopt};
+    for (const int step : {0, 60, 100, 160, 204, 240, 300, 308}) write_by(begun, step);
+    // Four environments make four steps at once, so that 204 is not the first one at or after 200.
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{100, 300, 308}));
+    // What stays does not depend on which process writes.
+    CheckpointWriter resumed{run, retention, load().stored};
+    for (const int step : {360, 400, 460, 520}) write_by(resumed, step);
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{100, 300, 400, 460, 520}));
+    EXPECT_EQ(load().state.step, 520);
+}
+
+TEST_F(Checkpoints, TheBestStays) {
+    retention = {.newest = 2, .best = true};
+    CheckpointWriter begun{run, retention, std::nullopt};
+    const auto best = run / "checkpoints" / "best";
+    write_by(begun, 0);
+    EXPECT_FALSE(fs::is_symlink(best)) << "nothing is known of it";
+    write_by(begun, 10, Score{.mean_return = 5});
+    EXPECT_EQ(fs::read_symlink(best), "step_000000010");
+    write_by(begun, 20, Score{.mean_return = 7});
+    write_by(begun, 30, Score{.mean_return = 7});
+    write_by(begun, 40);  // at a signal
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{20, 30, 40}));
+    EXPECT_EQ(fs::read_symlink(best), "step_000000020") << "of equal ones the first";
+
+    CheckpointWriter resumed{run, retention, load().stored};
+    write_by(resumed, 50, Score{.mean_return = 6});
+    write_by(resumed, 60, Score{.mean_return = -1});
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{20, 50, 60})) << "as if one process had written all";
+    write_by(resumed, 70, Score{.evaluated = true, .mean_return = 1});
+    write_by(resumed, 80, Score{.mean_return = 100});
+    write_by(resumed, 90, Score{.mean_return = 100});
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{70, 80, 90})) << "evaluations decide";
+    EXPECT_EQ(fs::read_symlink(best), "step_000000070");
+
+    CheckpointWriter without{run, {.newest = 2}, load().stored};
+    write_by(without, 100);
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{90, 100}));
+    EXPECT_FALSE(fs::is_symlink(best));
+}
+
+TEST_F(Checkpoints, ADamagedScoreCountsForNothing) {
+    retention = {.newest = 1, .best = true};
+    CheckpointWriter begun{run, retention, std::nullopt};
+    write_by(begun, 10, Score{.mean_return = 9});
+    damage(run / "checkpoints" / "step_000000010" / "state.json");
+    write_by(begun, 20, Score{.mean_return = 1});
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{20}));
+    EXPECT_EQ(fs::read_symlink(run / "checkpoints" / "best"), "step_000000020");
 }
 
 TEST_F(Checkpoints, TakeThePlaceOfOneOfTheSameStep) {

@@ -15,9 +15,9 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
+#include "experiment/agent_file.h"
 #include "experiment/checkpoint.h"
 #include "experiment/files.h"
-#include "policy/safetensors.h"
 #include "support/free_port.h"
 #include "temporary_folder.h"
 
@@ -74,14 +74,11 @@ class DistributedEmulator : public testing::Test {
         for (const auto* name : {"episodes.csv", "joystick_events.csv"})
             EXPECT_EQ(read_file(found / name), read_file(expected / name)) << name;
         const auto checkpoint = list_checkpoints(expected).back().filename();
-        const auto file = [&](const fs::path& folder, const char* name) {
-            return load_safetensors(folder / "checkpoints" / checkpoint / name).tensors;
-        };
         EXPECT_TRUE(read_file(found / "checkpoints" / checkpoint / "games.safetensors") ==
                     read_file(expected / "checkpoints" / checkpoint / "games.safetensors"));
-        const auto agent = file(found, "agent.safetensors");
+        const auto agent = load_agent(found / "checkpoints" / checkpoint);
         double largest = 0;
-        for (const auto& [name, value] : file(expected, "agent.safetensors")) {
+        for (const auto& [name, value] : load_agent(expected / "checkpoints" / checkpoint)) {
             ASSERT_TRUE(agent.contains(name)) << name;
             const auto difference = (agent.at(name).to(torch::kFloat64) - value.to(torch::kFloat64)).abs();
             if (difference.numel() == 0) continue;

@@ -192,7 +192,7 @@ nlohmann::json read_by_python(const fs::path& policy, const fs::path& model, con
 }
 
 TEST_P(ExportEmulator, IsReadByPythonAndByOnnxRuntime) {
-    export_policy(checkpoint / "agent.safetensors", folder / "policy.safetensors");
+    export_policy(checkpoint / "agent.safetensors.zst", folder / "policy.safetensors");
     export_onnx(folder / "policy.safetensors", folder / "policy.onnx");
     const auto policy = Policy::load(folder / "policy.safetensors");
     const auto frames = game_frames(16);
@@ -241,13 +241,13 @@ INSTANTIATE_TEST_SUITE_P(One, ExportRefusesEmulator, testing::Values(cases()[3])
 
 TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     const auto prefix = "no policy can be made of '" + run.string() + "': ";
-    auto bytes = read_file(checkpoint / "agent.safetensors");
+    auto bytes = read_file(checkpoint / "agent.safetensors.zst");
     bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
-    const auto whole = read_file(checkpoint / "agent.safetensors");
-    write_file_atomically(checkpoint / "agent.safetensors", bytes);
+    const auto whole = read_file(checkpoint / "agent.safetensors.zst");
+    write_file_atomically(checkpoint / "agent.safetensors.zst", bytes);
     EXPECT_THAT(error(), HasSubstr(prefix));
-    EXPECT_THAT(error(), HasSubstr("agent.safetensors"));
-    write_file_atomically(checkpoint / "agent.safetensors", whole);
+    EXPECT_THAT(error(), HasSubstr("agent.safetensors.zst"));
+    write_file_atomically(checkpoint / "agent.safetensors.zst", whole);
     EXPECT_EQ(error(), "no error");
 
     auto yaml = read_file(run / "config.yaml");

@@ -20,12 +20,15 @@
 
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
+#include <torch/types.h>
+#include <nlohmann/json.hpp>
 
 #include "agents/ppo.h"
 #include "agents/sac.h"
 #include "cale/games.h"
 #include "experiment/files.h"
 #include "experiment/run_lock.h"
+#include "experiment/versions.h"
 #include "temporary_folder.h"
 
 namespace cale {
@@ -75,6 +78,140 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
     EXPECT_EQ(answer.code, 0) << answer.stderr_text;
     EXPECT_THAT(read_file(folder.path() / "run" / "config.yaml"), testing::HasSubstr("seed: 5"));
     EXPECT_THAT(read_file(folder.path() / "run" / "metadata.json"), testing::HasSubstr("ALE/MsPacman-v5"));
+}
+
+/// Has no settings.
+struct WalkConfig {
+    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+};
+template <class Visit>
+void fields(WalkConfig&, Visit&&) {}
+
+/// Pushes the joystick to the right.
+class Walk : public Agent {
+  public:
+    torch::Tensor act(const torch::Tensor& observations, ActMode) override {
+        return torch::tensor({1.0f, 0.0f, 0.0f}).repeat({observations.size(0), 1});
+    }
+    void observe(const Experiences&) override {}
+    bool update(const torch::Tensor&) override { return false; }
+    std::map<std::string, double> metrics() override { return {}; }
+    TensorMap state() override { return {}; }
+    void load_state(const TensorMap&) override {}
+};
+
+nlohmann::json metadata_of(const std::filesystem::path& run) {
+    return nlohmann::json::parse(read_file(run / "metadata.json"));
+}
+
+TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"env.game=breakout", "--seed", "5"})).code, 0);
+    const auto first = metadata_of(folder.path());
+    EXPECT_EQ(first["rom_md5"], "f34f08e5eb96e500e851a80be3277a56");
+    EXPECT_EQ(first["commit"], cale_commit());
+    EXPECT_TRUE(first["cpu"].is_string() && !first["cpu"].get<std::string>().empty());
+    EXPECT_EQ(first["seed"], 5);
+    EXPECT_EQ(first["threads"], 1);
+    EXPECT_EQ(first["processes"], 1);
+    EXPECT_GT(first["wall_seconds"], 0.0);
+    EXPECT_EQ(first["finished"], true);
+    EXPECT_TRUE(first["stopped"].is_null());
+    EXPECT_FALSE(first.contains("resumed"));
+
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    ASSERT_EQ(longer.code, 0) << longer.stderr_text;
+    const auto second = metadata_of(folder.path());
+    EXPECT_GT(second["wall_seconds"], first["wall_seconds"]) << "of both sittings";
+    EXPECT_EQ(second["started"], first["started"]);
+    EXPECT_EQ(second["command"], first["command"]);
+    ASSERT_EQ(second["resumed"].size(), 1u);
+    EXPECT_EQ(second["resumed"][0]["commit"], cale_commit());
+    EXPECT_THAT(second["resumed"][0]["command"].get<std::string>(), testing::HasSubstr("--resume"));
+}
+
+TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
+    struct Stopping : Walk {
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (++decisions == 5) raise(SIGTERM);
+            return Walk::act(observations, mode);
+        }
+        int decisions = 0;
+    };
+    struct Failing : Walk {
+        torch::Tensor act(const torch::Tensor&, ActMode) override {
+            throw std::runtime_error("the actor's output is not finite");
+        }
+    };
+    const TemporaryFolder folder;
+    const auto run = [&](const std::string& name, auto make) {
+        const auto code = train("walk", +make,
+                                {"--run-dir", folder / name, "--threads", "1", "--no-progress",
+                                 "train.total_steps=20", "eval.episodes=0"})
+                              .code;
+        const auto metadata = metadata_of(folder / name);
+        EXPECT_EQ(metadata["finished"], false);
+        return fmt::format("{}: {}", code, metadata["stopped"].get<std::string>());
+    };
+    EXPECT_EQ(run("stopped",
+                  [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
+                      return std::make_unique<Stopping>();
+                  }),
+              "130: SIGTERM");
+    EXPECT_EQ(run("failed",
+                  [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
+                      return std::make_unique<Failing>();
+                  }),
+              "1: the actor's output is not finite");
+}
+
+TEST(ProgramEmulator, MetadataThatAreDamagedAreNamedAndLeftAlone) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto file = folder.path() / "metadata.json";
+    const auto good = read_file(file);
+    const auto resume = [&](std::vector<std::string> more = {}) {
+        std::vector<std::string> arguments{"--resume", "--run-dir", folder.path().string(), "--no-progress",
+                                           "train.total_steps=20"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return train_sac(arguments);
+    };
+    for (const std::string& damaged :
+         {good.substr(0, good.size() / 2), std::string("[]"), std::string(),
+          std::string(R"({"threads": "2"})"), std::string(R"({"threads": 0})"),
+          std::string(R"({"wall_seconds": -1})"), std::string(R"({"resumed": {"at": 1}})")}) {
+        write_file_atomically(file, damaged);
+        for (const auto& more : std::vector<std::vector<std::string>>{{}, {"--threads", "1"}}) {
+            const auto answer = resume(more);
+            EXPECT_EQ(answer.code, 3) << damaged;
+            EXPECT_THAT(answer.stderr_text, testing::HasSubstr(file.string() + " is damaged: "));
+            EXPECT_THAT(answer.stderr_text, testing::HasSubstr("put a copy of it back"));
+            EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1);
+            EXPECT_EQ(read_file(file), damaged) << "nothing is lost";
+        }
+    }
+    std::filesystem::remove(file);
+    EXPECT_THAT(resume().stderr_text, testing::HasSubstr("say --threads with that number"));
+    EXPECT_EQ(resume({"--threads", "1"}).code, 0) << "as the sentence says";
+    EXPECT_EQ(metadata_of(folder.path())["finished"], true);
+}
+
+TEST(ProgramEmulator, MetadataOfAnOlderVersionAreCarriedOn) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    auto old = metadata_of(folder.path());
+    for (const auto* key : {"commit", "cpu", "rom_md5", "wall_seconds", "finished", "stopped"})
+        old.erase(key);
+    old["somebody's"] = "note";
+    write_file_atomically(folder.path() / "metadata.json", old.dump());
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    ASSERT_EQ(longer.code, 0) << longer.stderr_text;
+    const auto now = metadata_of(folder.path());
+    EXPECT_EQ(now["somebody's"], "note");
+    EXPECT_EQ(now["finished"], true);
+    EXPECT_GT(now["wall_seconds"], 0.0);
 }
 
 TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {

@@ -62,7 +62,8 @@ class ResumeSlow : public testing::TestWithParam<Case> {
         return fmt::format(
             "{}/train_{} --run-dir {} --threads 1 --no-progress --seed 5 env.game=breakout "
             "env.sticky_probability=0.25 env.max_frames_per_episode=500 train.total_steps=420 "
-            "train.checkpoint_every=30 log.every=80 eval.every=150 eval.episodes=1 eval.video=false "
+            "train.checkpoint_every=30 train.keep_every=100 train.keep_best=true log.every=80 eval.every=150 "
+            "eval.episodes=1 eval.video=false "
             "{} >> {}.log 2>&1",
             CALE_BINARY_DIR, GetParam().program, run.string(), GetParam().settings, run.string());
     }
@@ -110,6 +111,14 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
         files.erase("manifest.json");  // knows state.json
         return files;
     };
+    const auto names = [](const fs::path& run) {
+        std::vector<std::string> result;
+        for (const auto& folder : list_checkpoints(run)) result.push_back(folder.filename());
+        return result;
+    };
+    EXPECT_EQ(names(killed), names(whole)) << "killed after" << instants;
+    EXPECT_GE(names(whole).size(), 5u) << "four of train.keep_every, and the last";
+    EXPECT_EQ(fs::read_symlink(killed / "checkpoints/best"), fs::read_symlink(whole / "checkpoints/best"));
     const auto expected = files_of(last(whole)), found = files_of(last(killed));
     EXPECT_GE(expected.size(), 2u);
     EXPECT_EQ(found.size(), expected.size());

@@ -11,10 +11,12 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <set>
 #include <sstream>
 
 #include <fmt/format.h>
 #include <torch/types.h>
+#include <nlohmann/json.hpp>
 
 #include "agents/sac.h"
 #include "cale/random_play.h"
@@ -275,6 +277,86 @@ TEST_F(TrainingEmulator, TheLearningCurveShowsRandomPlayWithTheRunsActions) {
     EXPECT_THAT(curve, Not(HasSubstr(">random 1.7<")));
 }
 
+std::vector<std::string> checkpoints_in(const fs::path& run) {
+    std::vector<std::string> names;
+    for (const auto& folder : list_checkpoints(run)) names.push_back(folder.filename());
+    return names;
+}
+nlohmann::json score_in(const fs::path& checkpoint) {
+    return nlohmann::json::parse(read_file(checkpoint / "state.json")).at("score");
+}
+
+TEST_F(TrainingEmulator, KeepsTheBestOfTrainingAndThoseAtMultiples) {
+    eval.episodes = 0;
+    train_config.total_steps = 1500;
+    train_config.checkpoint_every = 250;
+    train_config.keep_every = 400;
+    train_config.keep_best = true;
+    train_config.keep_checkpoints = 100;
+    ScribeAgent all(1);
+    train(all);
+    EXPECT_EQ(list_checkpoints(folder.path()).size(), 10u) << "7 of every 250 from 0, 3 of every 400";
+    std::string best;
+    double largest = -1;
+    for (const auto& checkpoint : list_checkpoints(folder.path())) {
+        const auto score = score_in(checkpoint);
+        if (score.is_null()) continue;
+        EXPECT_EQ(score["of"], "training");
+        if (score["mean_return"] <= largest) continue;
+        largest = score["mean_return"];
+        best = checkpoint.filename();
+    }
+    ASSERT_GT(largest, 0);
+    EXPECT_EQ(fs::read_symlink(folder.path() / "checkpoints" / "best"), best);
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    train_config.keep_checkpoints = 1;
+    ScribeAgent few(1);
+    train(few);
+    std::set<std::string> expected{"step_000000400", "step_000000800", "step_000001200", "step_000001500",
+                                   best};
+    EXPECT_THAT(checkpoints_in(place.path()), testing::ElementsAreArray(expected));
+    EXPECT_EQ(fs::read_symlink(place.path() / "checkpoints" / "best"), best);
+}
+
+TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == cut_at) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+        int cut_at = -1;
+    };
+    eval.every = 200;
+    eval.video = false;
+    train_config.total_steps = 500;
+    train_config.checkpoint_every = 300;
+    train_config.keep_checkpoints = 1;
+    train_config.keep_best = true;
+    for (const int cut_at : {-1, 3}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        options.resume = false;
+        InterruptedInEvaluation agent(1);
+        agent.cut_at = cut_at;
+        if (cut_at >= 0) {
+            EXPECT_EQ(train(agent), Outcome::interrupted);
+            EXPECT_TRUE(score_in(place.path() / "checkpoints" / "step_000000200").is_null());
+            options.resume = true;
+            agent.cut_at = -1;
+        }
+        EXPECT_EQ(train(agent), Outcome::finished);
+        // Its evaluations all come to the same return: of equal ones the first stays.
+        EXPECT_THAT(checkpoints_in(place.path()), testing::ElementsAre("step_000000200", "step_000000500"))
+            << cut_at;
+        const auto best = score_in(place.path() / "checkpoints" / "best");
+        EXPECT_EQ(best["of"], "evaluation");
+        EXPECT_EQ(score_in(place.path() / "checkpoints" / "step_000000500")["of"], "evaluation");
+    }
+}
+
 TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {
     struct Killed {};
     struct KilledAgent : ScribeAgent {
@@ -396,7 +478,7 @@ TEST_F(TrainingEmulator, ADamagedCheckpointIsNamedAndTheOneBeforeTaken) {
     train(first);
     const auto episodes = read_file(folder.path() / "episodes.csv");
     const auto newest = list_checkpoints(folder.path()).back();
-    fs::resize_file(newest / "agent.safetensors", 20);
+    fs::resize_file(newest / "agent.safetensors.zst", 20);
     options.resume = true;
     ScribeAgent second(1);
     testing::internal::CaptureStderr();
@@ -467,7 +549,7 @@ TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
         const auto agent = make_sac(config, spec);
         train(*agent);
         episodes.push_back(read_file(place.path() / "episodes.csv"));
-        parameters.push_back(read_file(list_checkpoints(place.path()).back() / "agent.safetensors"));
+        parameters.push_back(read_file(list_checkpoints(place.path()).back() / "agent.safetensors.zst"));
     }
     EXPECT_EQ(episodes[0], episodes[1]);
     EXPECT_TRUE(parameters[0] == parameters[1]) << "parameters, optimisers and generators, bit for bit";

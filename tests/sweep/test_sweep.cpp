@@ -199,7 +199,7 @@ INSTANTIATE_TEST_SUITE_P(Files, ShippedSweepEmulator, testing::ValuesIn(shipped_
 /// What does not depend on the clock in a run's folder.
 std::string results_of(const fs::path& run) {
     return read_file(run / "episodes.csv") + read_file(run / "eval/step_000000120.csv") +
-           read_file(run / "checkpoints/step_000000120/agent.safetensors");
+           read_file(run / "checkpoints/step_000000120/agent.safetensors.zst");
 }
 
 TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
