@@ -62,7 +62,7 @@ struct QState {
     /// On the spec's device and for its observations and actions; the target starts equal to the network.
     /// `head` says how action values are represented; its numbers of actions and of hidden units are set
     /// here.
-    QState(const QSettings& settings, const AgentSpec& spec, QHeadConfig head);
+    QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head);
 
     /// One step along the gradient of `loss` [], which afterwards is without its graph.
     void step(torch::Tensor& loss);
