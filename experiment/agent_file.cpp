@@ -2,7 +2,7 @@
 
 #include <zstd.h>
 
-#include <array>
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <map>

@@ -127,8 +127,7 @@ TEST_F(AgentFile, IsRefusedWhereItIsDamaged) {
     EXPECT_THAT(refused(flipped), HasSubstr("it is damaged (zstd: "));
     EXPECT_THAT(refused("no zstd at all"), HasSubstr("does not begin as a file that zstd has compressed"));
     // A frame that promises 2^60 bytes.
-    std::string promise("\x28\xb5\x2f\xfd\xc0\x00", 6);
-    for (const char byte : {0, 0, 0, 0, 0, 0, 0, 0x10}) promise += byte;
+    const std::string promise("\x28\xb5\x2f\xfd\xc0\0\0\0\0\0\0\0\0\x10", 14);
     EXPECT_THAT(refused(promise + std::string(64, '\0')), HasSubstr("does not begin as a file"));
 }
 
