@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::size_t kRecentEpisodes = 100;
+constexpr std::ptrdiff_t kClosingEpisodes = 10;
 
 /// Thrown out of an evaluation that a signal cuts off.
 struct Interrupted {};
@@ -169,7 +170,7 @@ class Run {
         }
         checkpoint_of_evaluation();
         checkpoints_.finish();
-        console_.finish(reported_, fmt::format("Results: {}", options_.run_dir.string()));
+        console_.finish(reported_, fmt::format("{}Results: {}", closing_line(), options_.run_dir.string()));
         return Outcome::finished;
     }
 
@@ -366,6 +367,22 @@ class Run {
                                                            "evaluation at", state_.step),
                                        .stack_depth = GamesUnderWay::kStack,
                                        .video = video});
+    }
+
+    /// How the newest games went beside random play, and a line end; empty where no game has ended.
+    std::string closing_line() const {
+        const auto& all = state_.recent_returns;
+        const std::vector newest(all.end() - std::min<std::ptrdiff_t>(std::ssize(all), kClosingEpisodes),
+                                 all.end());
+        const auto mean_return = mean(newest);
+        if (!mean_return) return "";
+        auto text = fmt::format("Mean return of the last {} game{} in training: {:.1f}", newest.size(),
+                                newest.size() == 1 ? "" : "s", *mean_return);
+        if (const auto floor = random_floor(env_config_)) {
+            text += fmt::format(", {:.1f} {} than random play ({:.1f})", std::abs(*mean_return - *floor),
+                                *mean_return < *floor ? "less" : "more", *floor);
+        }
+        return text + "\n";
     }
 
     void draw_curve() {

@@ -254,7 +254,7 @@ TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
     EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
 }
 
-TEST_F(TrainingEmulator, TheLearningCurveShowsRandomPlayWithTheRunsActions) {
+TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActions) {
     struct DiscreteAgent : ScribeAgent {
         using ScribeAgent::ScribeAgent;
         torch::Tensor act(const torch::Tensor&, ActMode) override {
@@ -263,7 +263,11 @@ TEST_F(TrainingEmulator, TheLearningCurveShowsRandomPlayWithTheRunsActions) {
     } discrete(1);
     eval.episodes = 0;
     env.action_space = ActionSpace::minimal;
+    testing::internal::CaptureStderr();
     train(discrete);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                testing::ContainsRegex("Mean return of the last [0-9]+ games? in training: [0-9.]+, "
+                                       "[0-9.]+ (less|more) than random play \\(1\\.7\\)\nResults: "));
     EXPECT_THAT(read_file(folder.path() / "learning_curve.svg"), HasSubstr(">random 1.7<"));
 
     const TemporaryFolder place;
