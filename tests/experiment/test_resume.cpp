@@ -113,7 +113,7 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
     };
     const auto names = [](const fs::path& run) {
         std::vector<std::string> result;
-        for (const auto& folder : list_checkpoints(run)) result.push_back(folder.filename());
+        for (const auto& checkpoint : list_checkpoints(run)) result.push_back(checkpoint.filename());
         return result;
     };
     EXPECT_EQ(names(killed), names(whole)) << "killed after" << instants;
