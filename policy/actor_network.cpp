@@ -1,5 +1,6 @@
 #include "policy/actor_network.h"
 
+#include <ATen/CPUGeneratorImpl.h>
 #include <torch/nn/module.h>
 #include <torch/nn/modules/normalization.h>
 #include <torch/types.h>
@@ -14,8 +15,13 @@ void leave_at_zero(torch::Tensor& weight, const at::Generator&) {
     weight.zero_();
 }
 
+/// Without a generator layers have no values (no_values()); this one is not drawn from.
+at::Generator unused_generator() {
+    return at::detail::getDefaultCPUGenerator();
+}
+
 Dense make_dense(const Layer& layer) {
-    return Dense(layer.in.channels, layer.out.channels, leave_at_zero, at::Generator());
+    return Dense(layer.in.channels, layer.out.channels, leave_at_zero, unused_generator());
 }
 
 EncoderConfig encoder_config(const PolicyNetwork& network) {
@@ -47,7 +53,8 @@ std::string last_part(const std::string& name) {
 }  // namespace
 
 struct ActorNetwork::Encoder : torch::nn::Module {
-    explicit Encoder(const PolicyNetwork& network) : trunk(*this, encoder_config(network), at::Generator()) {}
+    explicit Encoder(const PolicyNetwork& network)
+        : trunk(*this, encoder_config(network), unused_generator()) {}
 
     Trunk trunk;
     Dense fc{nullptr};
