@@ -282,7 +282,7 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
                     runs_are(comparison.left_out_runs.size())),
         sentences(comparison.left_out_runs));
     add("Runs that count as far as they got:", std::move(unfinished));
-    add("Tables that may have been cut:", std::move(doubts));
+    add("Scores that may be of an earlier time than the others:", std::move(doubts));
     add("Runs that are there twice, of which the longer one counts:", sentences(comparison.repeated_runs));
     return notes;
 }

@@ -153,7 +153,7 @@ double draw_letter_key(Picture& picture, const std::vector<Baseline>& references
         parts.push_back(fmt::format("{} = {}", letter(i), references[i].name));
     double y = top;
     for (const auto& line :
-         wrapped(fmt::format("dashed:  {}", fmt::join(parts, ",  ")), picture.width - 2 * kMargin, kSize)) {
+         wrapped(fmt::format("dashed: {}", fmt::join(parts, ", ")), picture.width - 2 * kMargin, kSize)) {
         y += kRow;
         picture.words.push_back({line, {kMargin, y}, kFaintInk, kSize});
     }

@@ -28,6 +28,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr double kLongestIteration = 250'000;  // agent steps
+constexpr double kMostSteps = 1e15;
 
 /// No result depends on these, or a report tells them apart anyway.
 constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
@@ -83,6 +84,7 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
             env_id = metadata.value("env_id", env_id);
             run.agent = metadata.value("exp_name", run.agent);
             run.seed = metadata.value("seed", run.seed);
+            run.finished = metadata.value("finished", false);
             run.made_with = fmt::format("cale {}, ALE {}, LibTorch {}", metadata.value("cale", "?"),
                                         metadata.value("ale", "?"), metadata.value("libtorch", "?"));
         } catch (const nlohmann::json::exception& error) {
@@ -220,6 +222,9 @@ std::uintmax_t bytes_at_checkpoint(const fs::path& checkpoint) {
 /// Throws where episodes.csv is certainly not all that it was; says in run.doubts where it may not be.
 void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& progress) {
     const auto path = run.folder / "episodes.csv";
+    if (!std::ranges::is_sorted(episodes.steps) || episodes.steps.back() > kMostSteps)
+        throw std::runtime_error(fmt::format(
+            "{} is damaged: its agent steps do not ascend to what a run can take", path.string()));
     const auto checkpoint = newest_checkpoint(run.folder);
     const auto bytes = fs::file_size(path), had = bytes_at_checkpoint(checkpoint);
     if (bytes < had)
@@ -376,8 +381,10 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     read_identity(run, episodes);
     run.env = read_env(run.settings);
     if (run.env) run.env->game = run.game->name;
-    const auto progress = progress_of(folder);
     run.total_steps = number_of(run.settings, "train.total_steps");
+    auto progress = progress_of(folder);
+    if (run.finished && progress.step < run.total_steps)
+        progress = {run.total_steps, folder / "metadata.json"};
     run.reached = std::max(progress.step, episodes.steps.empty() ? 0 : episodes.steps.back());
     // As near to the end as the log's rhythm allows.
     run.finished = run.reached + number_of(run.settings, "log.every") >= run.total_steps;

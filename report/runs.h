@@ -40,7 +40,7 @@ struct Run {
     std::vector<double> steps{};
     std::vector<double> scores{};
     std::int64_t games_in_score = 0;  // behind the last score
-    bool finished = true;             // whether it took all the steps that it was to take
+    bool finished = false;            // whether it took all the steps that it was to take
     double reached = 0;               // agent steps that it took, as far as its files say
     double total_steps = 0;           // that it was to take; 0: not known
     bool in_sweep_list = false;       // see FoundRuns::missing

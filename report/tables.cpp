@@ -341,8 +341,9 @@ Table game_table(const Comparison& comparison) {
 }
 
 Table setup_table(const Comparison& comparison) {
-    Table table{.name_columns = 4,
-                .header = {"", "agent", "protocol", "action space", "agent steps", "games", "seeds", "runs"}};
+    Table table{
+        .name_columns = 4,
+        .header = {"group", "agent", "protocol", "action space", "agent steps", "games", "seeds", "runs"}};
     for (const auto& group : comparison.groups) {
         std::set<std::string> agents, games, steps, protocols, actions;
         std::set<std::uint64_t> seeds;

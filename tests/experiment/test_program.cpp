@@ -759,6 +759,30 @@ TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
               "directory; give another\n");
 }
 
+TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
+    const TemporaryFolder folder;
+    const auto add_run = [&](const std::string& game, int seed) {
+        const auto run = fmt::format("runs/{}{}", game, seed);
+        folder.write(run + "/episodes.csv",
+                     fmt::format("#{{\"env_id\":\"ALE/{}-v5\",\"agent\":\"sac\",\"seed\":{}}}\n"
+                                 "r,l,t,global_step,frame,seed,env,truncated\n1,100,1.5,100,400,1,0,0\n",
+                                 game, seed));
+        folder.write(run + "/config.yaml", "agent: {encoder: phi_sac}\n");
+    };
+    add_run("Pong", 1);
+    add_run("Pong", 2);
+    add_run("Boxing", 1);
+    EXPECT_EQ(cale_says("report runs --resamples 10", folder.path()).code, 0);
+    const auto incomplete = cale_says("report runs --resamples 10 --strict", folder.path());
+    EXPECT_EQ(incomplete.code, 1);
+    EXPECT_THAT(incomplete.text, testing::HasSubstr("1 run is missing:\n  sac on Boxing, seed 2\n"));
+    EXPECT_THAT(incomplete.text,
+                testing::HasSubstr("cale report: --strict: the grid of the runs is not complete"));
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "reports/runs/report.html"));
+    add_run("Boxing", 2);
+    EXPECT_EQ(cale_says("report runs --resamples 10 --strict", folder.path()).code, 0);
+}
+
 TEST(CaleEmulator, EvaluatesAndExportsARun) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path() / "run")).code, 0);

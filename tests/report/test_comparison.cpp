@@ -5,6 +5,7 @@
 
 #include <stdexcept>
 
+#include "cale/random_play.h"
 #include "report/csv.h"
 #include "report/run_folders.h"
 #include "report/tables.h"
@@ -159,6 +160,79 @@ TEST_F(Comparing, TablesHoldEveryNumber) {
     const auto text = to_text(aggregate_table(comparison));
     EXPECT_THAT(text, HasSubstr("phi_dqn, gamma=2  1.000"));
     EXPECT_THAT(text, HasSubstr("0.500 [0.000, 1.000]"));
+}
+
+TEST_F(Comparing, SaysWhatIsMissingBeforeAnyFigure) {
+    folders_.run("a1", "sac", "Pong", 1, {-20});
+    folders_.run("a2", "sac", "Pong", 2, {-20});
+    folders_.run("a3", "sac", "Boxing", 1, {2});
+    folders_.run("b1", "dqn", "Pong", 1, {-20});
+    folders_.run("b2", "dqn", "Pong", 2, {1e308});
+    const auto comparison = compared();
+    EXPECT_FALSE(comparison.is_complete());
+    const auto lines = lines_of(comparison.notes);
+    EXPECT_THAT(lines, Contains("4 runs are missing:"));
+    for (const auto* missing : {"sac on Boxing, seed 2", "dqn on Boxing, seed 1", "dqn on Pong, seed 2"})
+        EXPECT_THAT(lines, Contains(missing));
+    EXPECT_THAT(lines, Contains("1 run is left out, as what is in the folder cannot be used:"));
+    EXPECT_THAT(lines, Contains(HasSubstr("b2/episodes.csv is damaged: line 3")));
+    EXPECT_THAT(lines, Contains("Games that are not in the aggregates:"));
+    EXPECT_THAT(lines, Contains("Boxing: no run of dqn"));
+    EXPECT_THAT(comparison.results, SizeIs(2)) << "the rest is compared";
+}
+
+TEST_F(Comparing, AWholeGridIsComplete) {
+    for (const auto* agent : {"sac", "dqn"})
+        for (const std::uint64_t seed : {1, 2})
+            folders_.run(fmt::format("{}{}", agent, seed), agent, "Pong", seed, {-20});
+    EXPECT_TRUE(compared().is_complete());
+    folders_.run("again", "sac", "Pong", 1, {-20});
+    EXPECT_TRUE(compared().is_complete()) << "a run that is there twice is not missing";
+    folders_.run("sac1", "sac", "Pong", 1, {-20}, "train: {total_steps: 9000}\n");
+    EXPECT_FALSE(compared().is_complete());
+}
+
+TEST_F(Comparing, AllOfATieAreBold) {
+    for (const std::uint64_t seed : {1, 2, 3}) {
+        folders_.run(fmt::format("a{}", seed), "a", "Pong", seed, {0.1 * static_cast<double>(seed)});
+        folders_.run(fmt::format("b{}", seed), "b", "Pong", seed, {0.1 * static_cast<double>(4 - seed)});
+        folders_.run(fmt::format("c{}", seed), "c", "Pong", seed, {-1});
+    }
+    const auto table = game_table(compared());
+    EXPECT_THAT(table.header, ElementsAre("game", "random (published)", "human", "a", "b", "c"));
+    EXPECT_THAT(table.best.at(0), ElementsAre(false, false, false, true, true, false));
+}
+
+TEST_F(Comparing, JoystickRunsComeWithTheFloorOfTheJoystick) {
+    const std::string rules =
+        "env: {{action_space: {}, sticky_probability: {}, terminal_on_life_loss: {}}}\n";
+    folders_.run("a", "sac", "KungFuMaster", 1, {500},
+                 fmt::format(fmt::runtime(rules), "continuous", 0.25, false));
+    folders_.run("b", "der", "KungFuMaster", 1, {700}, fmt::format(fmt::runtime(rules), "minimal", 0, true));
+    const auto comparison = compared();
+    ASSERT_THAT(comparison.random_floors, SizeIs(2));
+    EXPECT_EQ(comparison.random_floors[0].name, kPublishedRandom);
+    EXPECT_EQ(comparison.random_floors[0].scores.at("KungFuMaster"), 258.5);
+    EXPECT_EQ(comparison.random_floors[1].name, "random joystick (200m)");
+    EXPECT_EQ(comparison.random_floors[1].scores.at("KungFuMaster"),
+              joystick_random("KungFuMaster", "200m").mean);
+    EXPECT_THAT(game_table(comparison).header,
+                ElementsAre("game", "random (published)", "random joystick (200m)", "human", "der", "sac"));
+    EXPECT_NEAR(comparison.results[1].scores.at(0).at(0), (500 - 258.5) / (22736.3 - 258.5), 1e-9)
+        << "normalised with the published score all the same";
+    const auto setup = setup_table(comparison);
+    EXPECT_THAT(setup.rows.at(0),
+                ElementsAre("der", "der", "Atari 100k", "discrete, minimal", "unknown", "1", "1", "1"));
+    EXPECT_THAT(setup.rows.at(1), ElementsAre("sac", "sac", "200M frames", "joystick, threshold 0.5",
+                                              "unknown", "1", "1", "1"));
+}
+
+TEST(Tables, AreLatexToo) {
+    const Table table{
+        .header = {"group", "a_b"}, .rows = {{"50 %", "-0.5 [-0.6, 1]"}}, .best = {{false, true}}};
+    EXPECT_EQ(to_latex(table),
+              "% \\usepackage{booktabs}\n\\begin{tabular}{lr}\n\\toprule\ngroup & a\\_b \\\\\n\\midrule\n"
+              "50 \\% & \\textbf{$-$0.5 [$-$0.6, 1]} \\\\\n\\bottomrule\n\\end{tabular}\n");
 }
 
 TEST(Csv, QuotesWhatNeedsIt) {

@@ -16,6 +16,7 @@
 namespace cale {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -159,6 +160,61 @@ TEST_F(Figures, ASingleRunHasNoInterval) {
     EXPECT_TRUE(intervals_in(efficiency_figure(data)).empty());
     EXPECT_TRUE(intervals_in(game_curves_figure(data)).empty());
     EXPECT_THAT(names_of(figures(data)), Not(Contains("probability_of_improvement")));
+}
+
+std::string text_of(const Picture& picture) {
+    std::string all;
+    for (const auto& words : words_of(picture)) all += words + " ";
+    return all;
+}
+
+TEST_F(Figures, WithoutIntervalsClaimNone) {
+    for (const auto* agent : {"sac", "dqn"}) folders_.run(agent, agent, "Pong", 1, {-20, -10});
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    const auto all = figures(data);
+    ASSERT_EQ(all.size(), 6u);
+    for (const auto& figure : all) {
+        EXPECT_THAT(text_of(figure.picture), Not(HasSubstr("%"))) << figure.name;
+        EXPECT_THAT(text_of(figure.picture), HasSubstr("no intervals")) << figure.name;
+        EXPECT_THAT(figure.caption, Not(HasSubstr("interval,"))) << figure.name;
+        EXPECT_THAT(figure.caption, Not(HasSubstr("An interval"))) << figure.name;
+    }
+}
+
+TEST_F(Figures, EventsAreThoseOfTheScoreThatIsShown) {
+    for (const std::uint64_t seed : {1, 2}) {
+        const auto folder = fmt::format("{}", seed);
+        folders_.run(folder, "sac", "Pong", seed, {-20, -10});
+        folders_.write(folder + "/joystick_events.csv", "event,count\nUP,3\n");
+        folders_.write(folder + "/eval/step_000000200.csv", "episode,return\n0,-20\n");
+        folders_.write(folder + "/eval/step_000000200_events.csv", "event,count\nUP,3\n");
+    }
+    const auto text = [&](ScoreKind kind) {
+        return text_of(event_figure(compare(find_runs({folders_.path()}, kind), {},
+                                            {.score = kind, .bootstrap = {.resamples = 50}})));
+    };
+    EXPECT_THAT(text(ScoreKind::training), AllOf(HasSubstr("training"), Not(HasSubstr("evaluation"))));
+    EXPECT_THAT(text(ScoreKind::evaluation),
+                AllOf(HasSubstr("newest evaluation"), Not(HasSubstr("training"))));
+}
+
+TEST_F(Figures, LinesToCompareWithHaveLabels) {
+    for (const std::uint64_t seed : {1, 2})
+        folders_.run(fmt::format("{}", seed), "sac", "Alien", seed, {200, 400},
+                     "env: {action_space: continuous, sticky_probability: 0.25}\n");
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training),
+                {{"one", {{"Alien", 300}}}, {"same", {{"Alien", 301}}}, {"far", {{"Alien", 9e6}}}},
+                {.bootstrap = {.resamples = 50}});
+    const auto picture = game_curves_figure(data);
+    const auto words = words_of(picture);
+    EXPECT_THAT(words, Contains("dashed: a = random joystick (200m), b = one, c = same, d = far"));
+    EXPECT_THAT(words, Contains("c b")) << "lines that touch share a place";
+    EXPECT_THAT(words, Contains("a"));
+    EXPECT_THAT(words, Not(Contains("d")));
+    expect_tidy({.name = "game_curves", .picture = picture});
+    EXPECT_THAT(words_of(efficiency_figure(data)), Contains("same"));
 }
 
 TEST(Panels, TicksLeaveRoomForTheirWords) {

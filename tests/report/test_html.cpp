@@ -56,6 +56,55 @@ TEST_F(Html, SaysAllThatAReaderNeeds) {
     EXPECT_THAT(html, Not(HasSubstr("dqn<b>")));
 }
 
+TEST_F(Html, SaysWhatIsMissingAboveTheFigures) {
+    const auto data = comparison();
+    const auto html = to_html(data, figures(data), origin_);
+    const auto box = html.substr(0, html.find("<svg"));
+    EXPECT_THAT(box,
+                AllOf(HasSubstr("Before you believe a figure"), HasSubstr("AirRaid: there is no human score"),
+                      HasSubstr("runs/broken: no game of its training has ended")));
+}
+
+TEST_F(Html, NamesAgentProtocolActionSpaceAndSharedSettings) {
+    const std::string settings =
+        "env: {action_space: continuous, sticky_probability: 0.25, threshold: 0.7}\nagent: {tau: 0.005}\n";
+    for (const std::uint64_t seed : {1, 2})
+        folders_.run(fmt::format("runs/{}", seed), "sac", "Pong", seed, {-20, -10}, settings);
+    const auto data = compare(find_runs({folders_.path() / "runs"}, ScoreKind::training), {},
+                              {.bootstrap = {.resamples = 100}});
+    const auto html = to_html(data, figures(data), origin_);
+    for (const auto* cell : {">sac<", ">200M frames<", ">joystick, threshold 0.7<", ">agent.tau<", ">0.005<"})
+        EXPECT_THAT(html, HasSubstr(cell));
+    write_report(data, origin_, folders_.path() / "out");
+    EXPECT_THAT(read(folders_.path() / "out/settings.tex"), HasSubstr("env.sticky\\_probability & 0.25"));
+    EXPECT_THAT(read(folders_.path() / "out/setup.tex"), HasSubstr("sac & sac & 200M frames & joystick"));
+}
+
+TEST_F(Html, LinksToAFileOfEachFigureAndTable) {
+    for (const std::uint64_t seed : {1, 2}) {
+        folders_.run(fmt::format("runs/s{}", seed), "sac", "Pong", seed, {-20, -10});
+        folders_.write(fmt::format("runs/s{}/joystick_events.csv", seed), "event,count\nUP,3\n");
+        folders_.write(fmt::format("runs/s{}/eval/step_000000200_rewards.csv", seed),
+                       "quantile,reward\n0,0\n1,7\n");
+    }
+    const auto data = comparison();
+    const auto folder = folders_.path() / "out";
+    write_report(data, origin_, folder);
+    const auto html = read(folder / "report.html");
+    std::size_t links = 0;
+    for (auto at = html.find("href=\""); at != html.npos; at = html.find("href=\"", at + 1)) {
+        const auto target = html.substr(at + 6, html.find('"', at + 6) - at - 6);
+        if (target.starts_with('#')) continue;
+        EXPECT_TRUE(std::filesystem::exists(folder / target)) << target;
+        ++links;
+    }
+    EXPECT_GT(links, 0u);
+    for (const auto& figure : figures(data))
+        for (const auto* extension : {".svg", ".png", ".csv"})
+            EXPECT_THAT(html, HasSubstr("href=\"" + figure.name + extension + "\"")) << figure.name;
+    EXPECT_THAT(html, HasSubstr("href=\"rewards.csv\""));
+}
+
 TEST_F(Html, NeedsNothingFromElsewhere) {
     const auto data = comparison();
     auto html = to_html(data, figures(data), origin_);

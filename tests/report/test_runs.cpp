@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <numeric>
 #include <stdexcept>
+
+#include <fmt/ranges.h>
 
 #include "cale/action.h"
 #include "report/groups.h"
@@ -124,6 +127,148 @@ TEST_F(Runs, HalfALastLineIsPassedOver) {
     folders_.run("a", "sac", "Pong", 1, {-21, -19});
     std::ofstream(folders_.path() / "a/episodes.csv", std::ios::app) << "-3,10";
     EXPECT_THAT(found().runs.at(0).scores, ElementsAre(-21, -19));
+}
+
+TEST_F(Runs, ACutTableIsNotBelieved) {
+    const std::vector<double> returns(20, -21);
+    const std::string settings =
+        "train: {total_steps: 2000}\nenv: {max_frames_per_episode: 1200, frame_skip: 4}\n";
+    const auto table = folders_.run("whole", "sac", "Pong", 1, returns, settings) / "episodes.csv";
+    const auto whole = std::filesystem::file_size(table);
+    folders_.write("whole/progress.csv", "global_step,frame\n2000,8000\n");
+
+    folders_.run("killed", "sac", "Pong", 2, std::vector<double>(9, -21), settings);
+    std::ofstream(folders_.path() / "killed/episodes.csv", std::ios::app) << "-21,10";
+    folders_.write("killed/progress.csv", "global_step,frame\n1000,4000\n");
+
+    std::filesystem::resize_file(
+        folders_.run("finished", "sac", "Pong", 3, returns, settings) / "episodes.csv", whole - 3);
+    folders_.write("finished/progress.csv", "global_step,frame\n2000,8000\n");
+
+    folders_.run("too_long", "sac", "Pong", 4, std::vector<double>(10, -21), settings);
+    folders_.write("too_long/checkpoints/step_000002000/state.json", "{}");
+
+    folders_.run("shorter", "sac", "Pong", 5, std::vector<double>(19, -21), settings);
+    folders_.write("shorter/checkpoints/step_000001000/state.json", R"({"episodes_offset": 300})");
+    folders_.write("shorter/checkpoints/step_000002000/state.json",
+                   fmt::format("{{\"episodes_offset\": {}}}", whole));
+
+    folders_.run("early", "sac", "Pong", 6, std::vector<double>(17, -21), settings);
+    folders_.write("early/progress.csv", "global_step,frame\n2000,8000\n");
+
+    folders_.run("short", "sac", "Pong", 7, std::vector<double>(15, -21), settings);
+    folders_.write("short/metadata.json", R"({"finished": true, "seed": 7})");
+
+    folders_.run("shuffled", "sac", "Pong", 8, {-21, -20}, settings);
+    folders_.write("shuffled/episodes.csv", "#{\"env_id\":\"ALE/Pong-v5\"}\nr,global_step\n1,200\n1,100\n");
+
+    const auto all = found();
+    std::map<std::string, std::string> said;  // by folder
+    for (const auto& [folder, why] : all.left_out) said[std::filesystem::path(folder).filename()] = why;
+    for (const auto& run : all.runs)
+        said[run.folder.filename()] = fmt::format("doubts: {}", fmt::join(run.doubts, " "));
+    EXPECT_EQ(said["whole"], "doubts: ");
+    EXPECT_THAT(said["killed"],
+                AllOf(HasSubstr("doubts: "), HasSubstr("killed/episodes.csv ends in the middle of line")));
+    EXPECT_THAT(said["finished"],
+                HasSubstr("finished/episodes.csv is cut: it ends in the middle of line 22, but "
+                          "the run took 2000 agent steps (progress.csv)"));
+    EXPECT_THAT(
+        said["too_long"],
+        HasSubstr("is cut: its last game ended at agent step 1000, no game takes more than 300, and the "
+                  "run took 2000 agent steps (checkpoints/step_000002000)"));
+    EXPECT_THAT(said["shorter"],
+                AllOf(HasSubstr("episodes.csv is cut: it has"), HasSubstr("step_000002000")));
+    EXPECT_THAT(said["early"], AllOf(HasSubstr("doubts: the last game in "),
+                                     HasSubstr("ended at agent step 1700, and the run took 2000")));
+    EXPECT_THAT(said["short"],
+                HasSubstr("no game takes more than 300, and the run took 2000 agent steps (metadata.json)"));
+    EXPECT_THAT(said["shuffled"],
+                HasSubstr("shuffled/episodes.csv is damaged: its agent steps do not ascend"));
+    EXPECT_THAT(all.runs, SizeIs(3));
+}
+
+TEST_F(Runs, AScoreThatNoGameCountsToIsNamedAndLeavesOutItsRunAlone) {
+    folders_.run("good", "sac", "Pong", 1, {-21});
+    folders_.run("huge", "sac", "Pong", 2, {-21, 1e308});
+    folders_.write("good/eval/step_000000100.csv", "episode,return\n0,-20\n1,-19\n");
+    folders_.write("huge/eval/step_000000100.csv", "episode,return\n0,1e308\n1,1e308\n");
+    for (const auto kind : {ScoreKind::training, ScoreKind::evaluation}) {
+        const auto all = found(kind);
+        EXPECT_THAT(all.runs, SizeIs(1));
+        ASSERT_THAT(all.left_out, SizeIs(1));
+        EXPECT_THAT(all.left_out[0].why,
+                    HasSubstr("huge/episodes.csv is damaged: line 4 has a score of 1e+308"));
+    }
+    folders_.run("huge", "sac", "Pong", 2, {-21, -20});
+    EXPECT_THAT(found(ScoreKind::evaluation).left_out.at(0).why,
+                HasSubstr("huge/eval/step_000000100.csv is damaged: line 2 has a score of 1e+308"));
+}
+
+TEST_F(Runs, SymbolicLinksAreFollowedAndEachRunCountsOnce) {
+    namespace fs = std::filesystem;
+    folders_.run("elsewhere/a", "sac", "Pong", 1, {-21});
+    folders_.run("elsewhere/b", "sac", "Pong", 2, {-21});
+    fs::create_directories(folders_.path() / "sweep/deep");
+    fs::create_directory_symlink(folders_.path() / "elsewhere/a", folders_.path() / "sweep/a");
+    fs::create_directory_symlink("../../elsewhere", folders_.path() / "sweep/deep/all");
+    fs::create_directory_symlink("..", folders_.path() / "sweep/deep/circle");
+    fs::create_directory_symlink("nowhere", folders_.path() / "sweep/lost");
+    const auto all = find_runs({folders_.path() / "sweep"}, ScoreKind::training);
+    ASSERT_THAT(all.runs, SizeIs(2));
+    EXPECT_EQ(all.runs[0].folder, folders_.path() / "sweep/a");
+    EXPECT_EQ(all.runs[1].folder, folders_.path() / "sweep/deep/all/b");
+    EXPECT_THAT(all.repeated, IsEmpty());
+    ASSERT_THAT(all.left_out, SizeIs(1));
+    EXPECT_EQ(all.left_out[0].what, (folders_.path() / "sweep/lost").string());
+}
+
+TEST_F(Runs, AreNamedAsTheirFoldersWereGiven) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    folders_.run("b", "sac", "Pong", 2, {});
+    const auto relative = std::filesystem::relative(folders_.path());
+    const auto all = find_runs({relative / "."}, ScoreKind::training);
+    EXPECT_EQ(all.runs.at(0).folder, relative / "a");
+    EXPECT_EQ(all.left_out.at(0).what, (relative / "b").string());
+}
+
+TEST_F(Runs, ThatASweepListsAndThatAreNotThereAreMissing) {
+    folders_.run("sweep/Pong__1", "sac", "Pong", 1, {-21});
+    folders_.run("sweep/Boxing__2", "sac", "Boxing", 2, {1});
+    folders_.write("sweep/Pong__3/output.log", "no ROM");
+    folders_.write("sweep/sweep_runs.txt", "Pong__1\nBoxing__2\nPong__3\nBoxing__3\n");
+    const auto all = found();
+    EXPECT_THAT(all.missing, ElementsAre((folders_.path() / "sweep/Pong__3").string(),
+                                         (folders_.path() / "sweep/Boxing__3").string()));
+    EXPECT_THAT(missing_runs(all.runs), IsEmpty())
+        << "the list says which runs there are to be, not the grid";
+}
+
+TEST_F(Runs, OfAGridThatAreNotThereAreMissing) {
+    for (const auto* agent : {"sac", "dqn"})
+        for (const auto* game : {"Pong", "Boxing"})
+            for (const std::uint64_t seed : {1, 2})
+                folders_.run(fmt::format("{}_{}_{}", agent, game, seed), agent, game, seed, {1});
+    EXPECT_THAT(missing_runs(found().runs), IsEmpty());
+    std::filesystem::remove_all(folders_.path() / "sac_Pong_2");
+    std::filesystem::remove_all(folders_.path() / "dqn_Boxing_1");
+    EXPECT_THAT(missing_runs(found().runs), ElementsAre("dqn on Boxing, seed 1", "sac on Pong, seed 2"));
+}
+
+TEST_F(Runs, KnowTheRulesThatTheyWerePlayedBy) {
+    folders_.run(
+        "a", "sac", "Pong", 1, {-21},
+        "env: {game: ignored, action_space: minimal, sticky_probability: 0, terminal_on_life_loss: true}\n");
+    folders_.run("b", "sac", "Pong", 2, {-21});
+    folders_.run("c", "sac", "Pong", 3, {-21}, "env: {action_space: keyboard}\n");
+    const auto all = found();
+    ASSERT_TRUE(all.runs.at(0).env);
+    EXPECT_EQ(all.runs[0].env->game, "Pong");
+    EXPECT_EQ(all.runs[0].env->action_space, ActionSpace::minimal);
+    EXPECT_EQ(all.runs[0].env->sticky_probability, 0);
+    EXPECT_TRUE(all.runs[0].env->terminal_on_life_loss);
+    EXPECT_FALSE(all.runs[1].env);
+    EXPECT_FALSE(all.runs[2].env);
 }
 
 TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
@@ -246,6 +391,19 @@ TEST_F(Runs, GroupsWithLongNamesAreNumbered) {
     }
     EXPECT_THAT(labels(), SizeIs(16));
     EXPECT_THAT(labels(), Contains("sac 16"));
+}
+
+TEST_F(Runs, ShareTheSettingsInWhichNoGroupDiffers) {
+    folders_.run("a", "sac", "Pong", 1, {1}, "agent: {gamma: 0.99, tau: 0.005}\n");
+    folders_.run("b", "dqn", "Pong", 1, {1}, "agent: {gamma: 0.99}\n");
+    const auto groups = group_runs(found().runs);
+    const auto shared = shared_settings(groups);
+    ASSERT_THAT(shared, SizeIs(1));
+    EXPECT_EQ(shared[0].key, "agent.gamma");
+    EXPECT_THAT(differing_settings(groups), IsEmpty());
+    const auto all = all_settings(groups);
+    ASSERT_THAT(all, SizeIs(2));
+    EXPECT_THAT(all[1].values, ElementsAre("", "0.005"));
 }
 
 }  // namespace
