@@ -22,8 +22,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kFile = "agent.safetensors.zst";
-constexpr const char* kFileOfFormat4 = "agent.safetensors";
 // Weights hardly become smaller at higher levels, which take several times as long.
 constexpr int kCompressionLevel = 1;
 constexpr std::uint64_t kMostBytesPerByte = 32'768;  // a block of 128 KiB of one value takes 4 bytes
@@ -135,7 +133,7 @@ std::string decompressed(const fs::path& file, std::string_view bytes) {
 }  // namespace
 
 void save_agent(const fs::path& folder, const TensorMap& state) {
-    const auto file = folder / kFile;
+    const auto file = folder / kAgentFile;
     const auto [tensors, same] = distinct(state);
     const auto [header, stored] = [&, &tensors = tensors, &same = same] {
         try {
@@ -154,14 +152,8 @@ void save_agent(const fs::path& folder, const TensorMap& state) {
     write_file_atomically(file, compression.result);
 }
 
-std::string agent_file(const fs::path& folder) {
-    return !fs::exists(folder / kFile) && fs::exists(folder / kFileOfFormat4) ? kFileOfFormat4 : kFile;
-}
-
 TensorMap load_agent(const fs::path& folder) {
-    const auto name = agent_file(folder);
-    const auto file = folder / name;
-    if (name == kFileOfFormat4) return load_safetensors(file).tensors;
+    const auto file = folder / kAgentFile;
     const auto bytes = read_file(file);
     return expanded(file, parse_safetensors(decompressed(file, bytes), file),
                     kMostBytesPerByte * bytes.size());

@@ -2,8 +2,7 @@
 //
 // A file in the safetensors format, compressed by zstd: `zstd -d` makes one that Python reads. Tensors with
 // the same contents are stored once, such as a target that equals its network, or the moments of an optimiser
-// that has made no step: the metadata map the name of each other one to the name that is stored. Checkpoints
-// of format 4 have agent.safetensors, which is not compressed and holds every tensor.
+// that has made no step: the metadata map the name of each other one to the name that is stored.
 #pragma once
 
 #include <filesystem>
@@ -17,8 +16,8 @@ namespace cale {
 /// std::system_error, naming the file, where it cannot be written.
 void save_agent(const std::filesystem::path& folder, const TensorMap& state);
 
-/// The name of the agent's file in the folder of a checkpoint; "agent.safetensors.zst" where there is none.
-std::string agent_file(const std::filesystem::path& folder);
+/// The name of the file in the folder of a checkpoint.
+inline constexpr const char* kAgentFile = "agent.safetensors.zst";
 
 /// The tensors that were saved, each in memory of its own. Throws std::runtime_error that names the file and
 /// what is wrong with it, before more memory is allocated than zstd could have packed into the file: 32,768

@@ -138,7 +138,7 @@ StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with
                                  const std::function<void(const TensorMap&)>& restore_games,
                                  RunState& state) {
     StoredCheckpoint stored{folder, read_manifest(folder)};
-    for (const auto& file : {agent_file(folder), std::string(kGamesFile), std::string(kStateFile)})
+    for (const auto& file : {kAgentFile, kGamesFile, kStateFile})
         if (!stored.manifest.contains(file))
             throw std::runtime_error(fmt::format("its manifest.json lacks {}", file));
     verify(folder, stored.manifest);

@@ -209,7 +209,7 @@ void make_golden(PolicyFile& policy) {
 /// Throws std::runtime_error where the two files that are needed are not what was written.
 void verify_parts(const fs::path& folder) {
     const auto manifest = read_manifest(folder);
-    for (const auto& name : {agent_file(folder), std::string("state.json")}) {
+    for (const auto& name : {kAgentFile, "state.json"}) {
         const auto record = manifest.find(name);
         if (record == manifest.end()) throw std::runtime_error(fmt::format("it lacks {}", name));
         verify(folder, {*record});
@@ -279,9 +279,9 @@ std::string read_policy_file(const fs::path& path) {
 std::string policy_file_of(const fs::path& path) {
     auto where = fs::absolute(path).lexically_normal();
     if (!where.has_filename()) where = where.parent_path();  // a slash at the end
-    if (where.filename() == agent_file(where.parent_path())) where = where.parent_path();
+    if (where.filename() == kAgentFile) where = where.parent_path();
     if (!fs::is_directory(where)) return read_policy_file(path);
-    if (!fs::exists(where / agent_file(where))) {
+    if (!fs::exists(where / kAgentFile)) {
         if (fs::exists(where / "config.yaml")) return from_run(where);
         refuse(path, "it is the folder of neither a run nor a checkpoint");
     }

@@ -25,7 +25,7 @@ using testing::HasSubstr;
 
 class AgentFile : public testing::Test {
   protected:
-    fs::path path() const { return folder / agent_file(folder.path()); }
+    fs::path path() const { return folder / kAgentFile; }
     std::string refusal() const {
         return test::error_of<std::runtime_error>([&] { load_agent(folder.path()); });
     }
@@ -99,13 +99,6 @@ TEST_F(AgentFile, OfSacBeforeItsFirstUpdateIsAsLargeAsOneNetwork) {
     save_agent(folder.path(), state);
     EXPECT_LT(fs::file_size(path()), network + 20'000);
     EXPECT_GT(all, 3 * network);
-    expect_same(load_agent(folder.path()), state);
-}
-
-TEST_F(AgentFile, OfFormat4IsRead) {
-    const TensorMap state{{"network/w", torch::randn({4, 4})}, {"target/w", torch::randn({4, 4})}};
-    save_safetensors(folder / "agent.safetensors", state);
-    EXPECT_EQ(agent_file(folder.path()), "agent.safetensors");
     expect_same(load_agent(folder.path()), state);
 }
 

@@ -209,32 +209,6 @@ TEST_F(Checkpoints, OnlyTheNewestStay) {
     EXPECT_THAT(left, testing::UnorderedElementsAre("step_000000020", "step_000000030", "step_000000040"));
 }
 
-TEST_F(Checkpoints, OfFormat4AreRead) {
-    const auto folder = write_at(100);
-    auto manifest = read_manifest(folder);
-    const auto replace = [&](const std::string& file, const std::string& by) {
-        manifest.erase(file);
-        fs::remove(folder / file);
-        manifest[by] = record_of(folder / by);
-    };
-    save_safetensors(folder / "agent.safetensors", load_agent(folder));
-    replace("agent.safetensors.zst", "agent.safetensors");
-    auto state = nlohmann::json::parse(read_file(folder / "state.json"));
-    state.erase("score");
-    write_file_atomically(folder / "new", state.dump());
-    fs::copy_file(folder / "new", folder / "state.json", fs::copy_options::overwrite_existing);
-    fs::remove(folder / "new");
-    manifest["state.json"] = record_of(folder / "state.json");
-    write_manifest(folder, manifest);
-    auto json = nlohmann::json::parse(read_file(folder / "manifest.json"));
-    json["format_version"] = 4;
-    write_file_atomically(folder / "manifest.json", json.dump());
-    agent.steps = 0;
-    EXPECT_EQ(load().state.step, 100);
-    EXPECT_EQ(agent.steps, 100);
-    EXPECT_EQ(load().state.score, std::nullopt);
-}
-
 TEST_F(Checkpoints, AtMultiplesStayForGood) {
     retention = {.newest = 2, .every = 100, .step_size = 4};
     CheckpointWriter begun{run, retention, std::nullopt};

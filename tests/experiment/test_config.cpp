@@ -155,8 +155,8 @@ TEST_F(Config, IntegersInEverySpelling) {
 }
 
 TEST_F(Config, WhatIsNoInteger) {
-    for (const char* text : {"", "1.5", "abc", "1e", "0x10", "1 ", "1__0", "_1", "1_", "+-1", "nan", "inf",
-                             "1e400", "5e-324", "9e18", "99999999999999999999"}) {
+    for (const char* text :
+         {"", "1.5", "abc", "1e", "0x10", "1 ", "1__0", "_1", "1_", "+-1", "nan", "inf", "1e400", "5e-324"}) {
         EXPECT_EQ(set_error("fruit.count", text),
                   std::string("fruit.count must be an integer, not '") + text + "'");
     }
@@ -170,7 +170,7 @@ TEST_F(Config, Numbers) {
         table_.at("fruit.weight").set(text);
         EXPECT_EQ(fruit_.weight, value) << text;
     }
-    for (const char* text : {"", "abc", "1,5", "nan", "inf", "-inf", "1e999", "1.2.3", "0x1p3"}) {
+    for (const char* text : {"", "abc", "nan", "inf", "-inf", "1e999", "1.2.3", "0x1p3"}) {
         EXPECT_EQ(set_error("fruit.anything", text),
                   std::string("fruit.anything must be a number, not '") + text + "'");
     }
@@ -387,7 +387,8 @@ TEST_F(Config, FilesThatCannotBeRead) {
               "cannot read 'configs/freeway.yaml': No such file or directory; 'configs' has breakout.yaml, "
               "pong.yaml");
     EXPECT_EQ(error("nowhere/pong.yaml"), "cannot read 'nowhere/pong.yaml': No such file or directory");
-    EXPECT_EQ(error("configs"), "cannot read 'configs': Is a directory");
+    EXPECT_EQ(error("configs"),
+              "cannot read 'configs': Is a directory; give a file in it: breakout.yaml, pong.yaml");
 }
 
 // ---- extends ------------------------------------------------------------------------
@@ -517,10 +518,11 @@ TEST_F(Config, TextThatOthersWouldMisreadIsQuoted) {
 
 TEST_F(Config, TextThatYamlCannotHoldIsRefused) {
     // A byte that is not UTF-8, and a character that Unicode will never have.
-    for (const std::string label : {"m\xfcller", "\xef\xbf\xbf"}) {
+    for (const auto& [label, shown] :
+         {std::pair<std::string, std::string>("m\xfcller", "m\\xfcller"), {"\xef\xbf\xbf", "\xef\xbf\xbf"}}) {
         EXPECT_EQ(override_error("fruit.label=" + label),
-                  "--set fruit.label=" + label +
-                      ": fruit.label must be text that a YAML file can hold, which is UTF-8, not '" + label +
+                  "--set fruit.label=" + shown +
+                      ": fruit.label must be text that a YAML file can hold, which is UTF-8, not '" + shown +
                       "'");
         EXPECT_EQ(fruit_.label, "apple");
     }

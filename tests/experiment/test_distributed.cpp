@@ -117,7 +117,8 @@ TEST_F(DistributedEmulator, TwoProcessesAreOneRun) {
 
 TEST_F(DistributedEmulator, WhatCannotBeSharedIsRefused) {
     const auto dir = run("refused").string();
-    const auto odd = start_two(fmt::format("{} --run-dir {} env.num_envs=5", kSettings, dir));
+    const auto odd = start_two(fmt::format(
+        "{} --run-dir {} env.num_envs=5 agent.rollout_steps=40 agent.minibatch_size=8", kSettings, dir));
     EXPECT_EQ(odd.code, 2);
     EXPECT_THAT(odd.first, HasSubstr("env.num_envs is 5, which WORLD_SIZE=2 processes cannot share equally"));
 

@@ -1,8 +1,7 @@
 // A checkpoint's folder. Input: a byte that says which file it replaces, then its contents, which the
-// manifest calls good: the manifest itself, state.json, the agent's file (agent.safetensors.zst where it
-// begins as zstd's files do; else agent.safetensors, as in format 4), games.safetensors; or changes to good
-// games: which tensor, two bytes where, and what to put there (or, with its upper bit set, to how many bytes
-// to cut it).
+// manifest calls good: the manifest itself, state.json, agent.safetensors.zst, games.safetensors; or changes
+// to good games: which tensor, two bytes where, and what to put there (or, with its upper bit set, to how
+// many bytes to cut it).
 #include <array>
 #include <memory>
 #include <vector>
@@ -58,10 +57,6 @@ struct World {
 
     void replace(const std::string& name, std::string_view bytes) const {
         auto manifest = good.manifest;
-        if (name == "agent.safetensors") {
-            fs::remove(good.folder / "agent.safetensors.zst");
-            manifest.erase("agent.safetensors.zst");
-        }
         cale::write_file_atomically(good.folder / name, bytes);
         manifest[name] = cale::record_of(good.folder / name);
         cale::write_manifest(good.folder, manifest);
@@ -95,9 +90,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static World world;
     auto input = fuzz::text_of(data, size);
     const auto which = fuzz::take_number(input, 1) % 5;
-    const bool compressed = input.starts_with("\x28\xb5\x2f\xfd");
-    const std::array names{"manifest.json", "state.json",
-                           compressed ? "agent.safetensors.zst" : "agent.safetensors", "games.safetensors"};
+    const std::array names{"manifest.json", "state.json", "agent.safetensors.zst", "games.safetensors"};
     auto games = world.good_games;
     if (which == 4) games = world.edited_games(input);
     world.good = cale::write_checkpoint(
