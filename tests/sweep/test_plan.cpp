@@ -90,9 +90,9 @@ TEST_F(SweepPlan, SettingsThatDoNotFitTogetherAreSaidBeforeAnythingStarts) {
     EXPECT_EQ(mistake(", agent.size: [1, 9], agent.loss: [huber, mse]"),
               "mine: Pong__fake__size=9__loss=mse__1: train_fake: agent.size is 9, which is not for "
               "agent.loss = mse");
-    EXPECT_EQ(
-        mistake(", agent.size: 9, agent.loss: [huber, mse]"),
-        "mine: Pong__fake__loss=mse__1: train_fake: agent.size is 9, which is not for agent.loss = mse");
+    EXPECT_EQ(mistake(", agent.size: 9, agent.loss: [huber, mse]"),
+              "mine: Pong__fake__size=9__loss=mse__1: train_fake: agent.size is 9, which is not for "
+              "agent.loss = mse");
     const auto roms = (fake_.path() / "roms").string();
     const auto file = fake_.write("apart.yaml", "agent: fake\nset: {env.rom_dir: " + roms +
                                                     "}\ngrid: {train.seed: 1..2, env.game: pong}\n"
