@@ -246,10 +246,12 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
         throw std::runtime_error(fmt::format(
             "{} is cut: its last game ended at agent step {:.0f}, no game takes more than {:.0f}, and {}",
             path.string(), last, *longest, end));
-    if (last <= progress.step - iteration_of(run, episodes))
+    const bool is_whole = had > 0 && step_in(checkpoint) >= progress.step;
+    if (!is_whole && last <= progress.step - iteration_of(run, episodes))
         run.doubts.push_back(
-            fmt::format("the last game in {} ended at agent step {:.0f}, and {}: its score is not of the "
-                        "newest iteration, or the file is cut",
+            fmt::format("{}: its last game ended at agent step {:.0f}, but {}: the score is not of the "
+                        "newest iteration, or "
+                        "the file is cut",
                         path.string(), last, end));
 }
 
@@ -390,7 +392,10 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     run.finished = run.reached + number_of(run.settings, "log.every") >= run.total_steps;
     const auto evaluations = evaluations_of(folder);
     if (kind == ScoreKind::training) {
-        if (episodes.steps.empty()) throw std::runtime_error("no game of its training has ended");
+        if (episodes.steps.empty())
+            throw std::runtime_error(episodes.cut_line
+                                         ? (folder / "episodes.csv").string() + " is cut: it has no whole row"
+                                         : "no game of its training has ended");
         check_episodes(run, episodes, progress);
         read_training(run, episodes);
     } else {

@@ -156,8 +156,16 @@ TEST_F(Runs, ACutTableIsNotBelieved) {
     folders_.run("early", "sac", "Pong", 6, std::vector<double>(17, -21), settings);
     folders_.write("early/progress.csv", "global_step,frame\n2000,8000\n");
 
+    const auto slow = folders_.run("slow", "sac", "Pong", 9, std::vector<double>(17, -21), settings);
+    folders_.write(
+        "slow/checkpoints/step_000002000/state.json",
+        fmt::format("{{\"episodes_offset\": {}}}", std::filesystem::file_size(slow / "episodes.csv")));
+
     folders_.run("short", "sac", "Pong", 7, std::vector<double>(15, -21), settings);
     folders_.write("short/metadata.json", R"({"finished": true, "seed": 7})");
+
+    const auto first = folders_.run("first", "sac", "Pong", 10, {-21}, settings) / "episodes.csv";
+    std::filesystem::resize_file(first, std::filesystem::file_size(first) - 3);
 
     folders_.run("shuffled", "sac", "Pong", 8, {-21, -20}, settings);
     folders_.write("shuffled/episodes.csv", "#{\"env_id\":\"ALE/Pong-v5\"}\nr,global_step\n1,200\n1,100\n");
@@ -179,13 +187,17 @@ TEST_F(Runs, ACutTableIsNotBelieved) {
                   "run took 2000 agent steps (checkpoints/step_000002000)"));
     EXPECT_THAT(said["shorter"],
                 AllOf(HasSubstr("episodes.csv is cut: it has"), HasSubstr("step_000002000")));
-    EXPECT_THAT(said["early"], AllOf(HasSubstr("doubts: the last game in "),
-                                     HasSubstr("ended at agent step 1700, and the run took 2000")));
+    EXPECT_THAT(said["early"],
+                AllOf(HasSubstr("doubts: "),
+                      HasSubstr("early/episodes.csv: its last game ended at "
+                                "agent step 1700, but the run took 2000 agent steps (progress.csv)")));
+    EXPECT_EQ(said["slow"], "doubts: ") << "its checkpoint says that nothing is missing";
     EXPECT_THAT(said["short"],
                 HasSubstr("no game takes more than 300, and the run took 2000 agent steps (metadata.json)"));
+    EXPECT_THAT(said["first"], HasSubstr("first/episodes.csv is cut: it has no whole row"));
     EXPECT_THAT(said["shuffled"],
                 HasSubstr("shuffled/episodes.csv is damaged: its agent steps do not ascend"));
-    EXPECT_THAT(all.runs, SizeIs(3));
+    EXPECT_THAT(all.runs, SizeIs(4));
 }
 
 TEST_F(Runs, AScoreThatNoGameCountsToIsNamedAndLeavesOutItsRunAlone) {
