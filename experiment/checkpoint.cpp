@@ -40,7 +40,7 @@ nlohmann::json to_json(const std::optional<Score>& score) {
 }
 
 std::optional<Score> score_in(const nlohmann::json& state) {
-    const auto found = state.find("score");  // checkpoints of format 4 have none
+    const auto found = state.find("score");
     if (found == state.end() || found->is_null()) return std::nullopt;
     return Score{.evaluated = found->at("of") == kEvaluation, .mean_return = found->at("mean_return")};
 }
