@@ -21,17 +21,17 @@ class ReplayBuffer;
 /// Tensors by name.
 using TensorMap = std::map<std::string, torch::Tensor>;
 
-/// What an agent is told about the world it is made for.
+/// The world that an agent is made for.
 ///
-/// Beside an agent's configuration there may be two functions, which the training programs call:
-///   check_settings(config, spec)    Throws std::invalid_argument, a sentence, where settings that may each
-///   be
-///                                   so do not fit together, or not this world; make_NAME() calls it too. Of
-///                                   num_actions it may only ask whether it is 0: it is called before there
-///                                   is a game.
-///   schedule_over_run(config)       The key of the setting by which a schedule lasts for the whole run, so
-///                                   that another train.total_steps changes it: "agent.anneal_learning_rate".
-///                                   Empty: there is none.
+/// Beside an agent's configuration there may be these functions, which the training programs call
+/// (agents/ppo.h has all of them):
+///   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
+///                                          not fit together or to this world. make_NAME() calls it too. Is
+///                                          called before there is a game: num_actions is 0 or not, no more.
+///   schedule_over_run(config)              Returns the key of the setting by which a schedule lasts for the
+///                                          whole run, so that another train.total_steps changes it, or "".
+///   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many
+///                                          bytes once its replay or rollout is full.
 struct AgentSpec {
     std::int64_t num_envs = 1;                 // of this process
     std::int64_t num_actions = 0;              // 0: the continuous joystick

@@ -130,6 +130,19 @@ TEST(Dqn, TakesTheMostValuableActionWhereItDoesNotExplore) {
     }
 }
 
+TEST(Dqn, MakesSeveralGradientStepsPerUpdateWhereSet) {
+    const auto spec = discrete_world();
+    const auto steps_with = [&](std::int64_t gradient_steps) {
+        auto config = small_dqn();
+        config.replay.gradient_steps = gradient_steps;
+        const auto agent = make_dqn(config, spec);
+        drive(*agent, spec, 0, 30);
+        return gradient_steps_of(*agent);
+    };
+    EXPECT_GT(steps_with(1), 0);
+    EXPECT_EQ(steps_with(3), 3 * steps_with(1));
+}
+
 TEST(Dqn, DuelingIsAnOptionOfItsNetwork) {
     auto config = small_dqn();
     EXPECT_FALSE(make_dqn(config, discrete_world())->state().contains("network/head.value.weight"));
