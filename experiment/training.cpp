@@ -163,12 +163,14 @@ class Run {
         report_the_rest();
         draw_curve();
         checkpoints_.finish();
-        if (state_.step < config_.total_steps || !run_evaluation()) {
+        // A run that was killed behind the checkpoint of its last evaluation does not play that again.
+        const bool evaluated = state_.score && state_.score->evaluated;
+        if (state_.step < config_.total_steps || (!evaluated && !run_evaluation())) {
             console_.message(fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}",
                                          state_.step, options_.run_dir.string()));
             return Outcome::interrupted;
         }
-        checkpoint_of_evaluation();
+        if (!evaluated) checkpoint_of_evaluation();
         checkpoints_.finish();
         console_.finish(reported_, fmt::format("{}Results: {}", closing_line(), options_.run_dir.string()));
         return Outcome::finished;
