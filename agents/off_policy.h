@@ -97,7 +97,7 @@ class AgentReplay {
     const TimeSplit& time() const { return time_; }
     /// Adds the generator and the counter. The contents are those of buffer().
     void add_state(StateParts& parts);
-    ReplayBuffer& buffer() { return buffer_; }
+    ReplayBuffer& buffer() { return buffer_; }  // what is stored
 
   private:
     ReplaySettings settings_;
@@ -121,7 +121,9 @@ at::Generator initial_values(const AgentSpec& spec);
 
 /// The random streams of an agent beside those of its replay and of its initial parameters.
 struct RandomStreams {
+    /// Follow from the spec's seed. `draws_in_updates`: whether gradient steps draw.
     RandomStreams(const AgentSpec& spec, bool draws_in_updates);
+    /// Adds random/acting, random/evaluation, and random/update_noise where updates draw.
     void add_state(StateParts& parts);
 
     at::Generator acting, evaluation;  // on the CPU
@@ -130,11 +132,11 @@ struct RandomStreams {
 
 /// What an algorithm knows of the run when it acts.
 struct Acting {
-    ActMode mode;
+    ActMode mode;          // with exploration, or as evaluations act
     double epsilon;        // in training the schedule's, 1 during the warm-up; in evaluation epsilon_eval
     at::Generator random;  // of training or of evaluation, on the CPU
 
-    bool training() const { return mode == ActMode::train; }
+    bool training() const { return mode == ActMode::train; }  // otherwise evaluation
 };
 
 /// An agent that learns from a replay. `Algorithm` has
@@ -154,6 +156,7 @@ struct Acting {
 template <class Algorithm>
 class OffPolicy final : public Agent {
   public:
+    /// Throws as the algorithm and AgentReplay do.
     OffPolicy(const typename Algorithm::Config& config, const AgentSpec& spec)
         : spec_(spec),
           algorithm_(config, spec),

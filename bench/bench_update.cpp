@@ -40,8 +40,8 @@ Update sac(EncoderKind encoder) {
     const auto network = [&] {
         return SacNetwork(config.network.encoder_for({}), config.network.head(), make_generator(1));
     };
-    const auto learner =
-        std::make_shared<ActorCriticState<SacNetwork>>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
+    const auto learner = std::make_shared<ActorCriticState<SacNetwork>>(
+        network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
     const auto size = config.replay.batch_size;
     return [=, batch = make_batch(size, true),
             noise = SacNoise{torch::randn({size, 3}), torch::randn({size, 3})}] {
@@ -56,8 +56,8 @@ Update sacd(EncoderKind encoder) {
         return SacdNetwork(config.network.encoder_for({}), config.network.head(), kActions,
                            make_generator(1));
     };
-    const auto learner =
-        std::make_shared<ActorCriticState<SacdNetwork>>(network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
+    const auto learner = std::make_shared<ActorCriticState<SacdNetwork>>(
+        network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
     return
         [=, batch = make_batch(config.replay.batch_size, false)] { sacd_update(*learner, batch, 2, config); };
 }

@@ -24,8 +24,8 @@ struct RandomPlay {
     std::int64_t agent_steps;   // of all games together
     double mean;                // of the games' returns, undiscounted and unclipped
     double low;                 // the 95 % bootstrap interval of the mean
-    double high;
-    double rewarded_share;  // of the agent steps, those that brought a reward
+    double high;                // its upper end
+    double rewarded_share;      // of the agent steps, those that brought a reward
 };
 
 /// data/joystick_random_scores.csv: 60 games x 2 protocols, by game and protocol.

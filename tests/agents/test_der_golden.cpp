@@ -111,7 +111,7 @@ TEST_P(DerGolden, Forward) {
 
 TEST_P(DerGolden, ThreeUpdates) {
     QState learner(c.network(c.name), c.network(c.name + "/target"),
-                     {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
+                   {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto weights = c.input("loss_weight");
     const auto initial = golden::parameters(*learner.network);

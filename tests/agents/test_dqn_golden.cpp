@@ -61,7 +61,7 @@ TEST_P(DqnGolden, Forward) {
 
 TEST_P(DqnGolden, ThreeUpdates) {
     QState learner(c.network(c.name), c.network(c.name + "/target"),
-                     {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
+                   {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
     const auto batch = c.batch();
     const auto initial = golden::parameters(*learner.network);
     const auto steps = c.file["steps"];
