@@ -56,6 +56,14 @@ Answer train_sac(const std::vector<std::string>& arguments) {
     return train("sac", make_sac, arguments);
 }
 
+/// The run in this folder, to its 20th step.
+Answer resumed_sac(const std::filesystem::path& run, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
+                                       "train.total_steps=20"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return train_sac(arguments);
+}
+
 /// A run of a few steps with a small network.
 std::vector<std::string> small(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
     std::vector<std::string> arguments = {"--run-dir",
@@ -171,11 +179,8 @@ TEST(ProgramEmulator, MetadataThatAreDamagedAreNamedAndLeftAlone) {
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
     const auto file = folder.path() / "metadata.json";
     const auto good = read_file(file);
-    const auto resume = [&](std::vector<std::string> more = {}) {
-        std::vector<std::string> arguments{"--resume", "--run-dir", folder.path().string(), "--no-progress",
-                                           "train.total_steps=20"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return train_sac(arguments);
+    const auto resume = [&](const std::vector<std::string>& more = {}) {
+        return resumed_sac(folder.path(), more);
     };
     for (const std::string& damaged :
          {good.substr(0, good.size() / 2), std::string("[]"), std::string(),
@@ -513,11 +518,8 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
     const auto config = folder.path() / "config.yaml";
     const auto settings = read_file(config);
-    const auto resume = [&](std::vector<std::string> more = {}) {
-        std::vector<std::string> arguments{"--resume", "--run-dir", folder.path().string(), "--no-progress",
-                                           "train.total_steps=20"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return train_sac(arguments);
+    const auto resume = [&](const std::vector<std::string>& more = {}) {
+        return resumed_sac(folder.path(), more);
     };
     write_file_atomically(config, settings + "\n");  // says the same
     EXPECT_EQ(resume().code, 0);
