@@ -7,7 +7,6 @@
 #include <fstream>
 #include <stdexcept>
 #include <string_view>
-#include <utility>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -77,14 +76,14 @@ std::optional<std::string_view> wrong_key(const nlohmann::json& json) {
 
 }  // namespace
 
-Metadata::Metadata(fs::path run_dir)
-    : file_(std::move(run_dir) / kFile), contents_(std::make_unique<Contents>()) {}
+Metadata::Metadata(const fs::path& run_dir)
+    : file_(run_dir / kFile), contents_(std::make_unique<Contents>()) {}
 Metadata::~Metadata() = default;
 Metadata::Metadata(Metadata&&) noexcept = default;
 Metadata& Metadata::operator=(Metadata&&) noexcept = default;
 
-Metadata::Metadata(fs::path run_dir, const RunIdentity& identity, const Sitting& sitting)
-    : Metadata(std::move(run_dir)) {
+Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const Sitting& sitting)
+    : Metadata(run_dir) {
     auto& json = contents_->json;
     json = described(sitting);
     json.update({{"program", identity.program},

@@ -40,7 +40,7 @@ struct Sitting {
 class Metadata {
   public:
     /// Of a new run. Throws std::runtime_error where the ROM cannot be read.
-    Metadata(std::filesystem::path run_dir, const RunIdentity& identity, const Sitting& sitting);
+    Metadata(const std::filesystem::path& run_dir, const RunIdentity& identity, const Sitting& sitting);
     /// Those of a run that is resumed; none where it has no metadata.json. Throws std::runtime_error, with
     /// the way out, where the file is damaged: it is left as it is.
     static std::optional<Metadata> read(const std::filesystem::path& run_dir);
@@ -64,7 +64,7 @@ class Metadata {
 
   private:
     struct Contents;
-    explicit Metadata(std::filesystem::path run_dir);
+    explicit Metadata(const std::filesystem::path& run_dir);
     std::filesystem::path file_;
     std::unique_ptr<Contents> contents_;
     double seconds_before_ = 0;  // of earlier sittings
