@@ -13,7 +13,7 @@ namespace cale {
 /// snapshot; its results do not depend on how long the writing takes.
 class CheckpointWriter {
   public:
-    /// `resumed`: the checkpoint that the run goes on from.
+    /// `resumed`: the checkpoint that the run is resumed from.
     CheckpointWriter(std::filesystem::path run_dir, Retention retention,
                      std::optional<StoredCheckpoint> resumed);
 

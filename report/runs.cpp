@@ -167,6 +167,7 @@ void read_training(Run& run, const EpisodeHistory& episodes) {
 struct Progress {
     double step = 0;  // agent steps
     fs::path file{};
+    fs::path checkpoint{};  // the newest; empty: there is none
 };
 
 /// The number in a name such as step_000002000.
@@ -176,27 +177,32 @@ std::optional<double> step_in(const fs::path& path) {
 }
 
 fs::path newest_checkpoint(const fs::path& folder) {
-    Progress newest;
-    if (!fs::is_directory(folder / "checkpoints")) return {};
-    for (const auto& entry : fs::directory_iterator(folder / "checkpoints"))
-        if (const auto step = step_in(entry.path()); step && *step >= newest.step)
-            newest = {*step, entry.path()};
-    return newest.file;
+    fs::path newest;
+    double newest_step = 0;
+    if (!fs::is_directory(folder / "checkpoints")) return newest;
+    for (const auto& entry : fs::directory_iterator(folder / "checkpoints")) {
+        const auto step = step_in(entry.path());
+        if (!step || *step < newest_step) continue;
+        newest = entry.path();
+        newest_step = *step;
+    }
+    return newest;
 }
 
 /// What all files but episodes.csv say, the largest.
 Progress progress_of(const fs::path& folder) {
-    Progress progress;
+    Progress progress{.checkpoint = newest_checkpoint(folder)};
     const auto add = [&](double step, const fs::path& file) {
-        if (step > progress.step) progress = {step, file};
+        if (step <= progress.step) return;
+        progress.step = step;
+        progress.file = file;
     };
     if (const auto file = folder / "progress.csv"; fs::exists(file)) {
         const auto table = read_csv(file);
         const auto column = table.find("global_step");
         if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
     }
-    if (const auto checkpoint = newest_checkpoint(folder); !checkpoint.empty())
-        add(*step_in(checkpoint), checkpoint);
+    if (!progress.checkpoint.empty()) add(*step_in(progress.checkpoint), progress.checkpoint);
     return progress;
 }
 
@@ -225,7 +231,7 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
     if (!std::ranges::is_sorted(episodes.steps) || episodes.steps.back() > kMostSteps)
         throw std::runtime_error(fmt::format(
             "{} is damaged: its agent steps do not ascend to what a run can take", path.string()));
-    const auto checkpoint = newest_checkpoint(run.folder);
+    const auto& checkpoint = progress.checkpoint;
     const auto bytes = fs::file_size(path), had = bytes_at_checkpoint(checkpoint);
     if (bytes < had)
         throw std::runtime_error(fmt::format("{} is cut: it has {} bytes, and had {} when {} was written",
@@ -250,8 +256,7 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
     if (!is_whole && last <= progress.step - iteration_of(run, episodes))
         run.doubts.push_back(
             fmt::format("{}: its last game ended at agent step {:.0f}, but {}: the score is not of the "
-                        "newest iteration, or "
-                        "the file is cut",
+                        "newest iteration, or the file is cut",
                         path.string(), last, end));
 }
 
@@ -385,8 +390,10 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     if (run.env) run.env->game = run.game->name;
     run.total_steps = number_of(run.settings, "train.total_steps");
     auto progress = progress_of(folder);
-    if (run.finished && progress.step < run.total_steps)
-        progress = {run.total_steps, folder / "metadata.json"};
+    if (run.finished && progress.step < run.total_steps) {
+        progress.step = run.total_steps;
+        progress.file = folder / "metadata.json";
+    }
     run.reached = std::max(progress.step, episodes.steps.empty() ? 0 : episodes.steps.back());
     // As near to the end as the log's rhythm allows.
     run.finished = run.reached + number_of(run.settings, "log.every") >= run.total_steps;

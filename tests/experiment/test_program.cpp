@@ -56,12 +56,13 @@ Answer train_sac(const std::vector<std::string>& arguments) {
     return train("sac", make_sac, arguments);
 }
 
-/// The run in this folder, to its 20th step.
-Answer resumed_sac(const std::filesystem::path& run, const std::vector<std::string>& more) {
+/// Resumes the run in this folder, to so many steps.
+std::vector<std::string> resuming(const std::filesystem::path& run, int steps,
+                                  const std::vector<std::string>& more) {
     std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
-                                       "train.total_steps=20"};
+                                       "train.total_steps=" + std::to_string(steps)};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    return train_sac(arguments);
+    return arguments;
 }
 
 /// A run of a few steps with a small network.
@@ -180,7 +181,7 @@ TEST(ProgramEmulator, MetadataThatAreDamagedAreNamedAndLeftAlone) {
     const auto file = folder.path() / "metadata.json";
     const auto good = read_file(file);
     const auto resume = [&](const std::vector<std::string>& more = {}) {
-        return resumed_sac(folder.path(), more);
+        return train_sac(resuming(folder.path(), 20, more));
     };
     for (const std::string& damaged :
          {good.substr(0, good.size() / 2), std::string("[]"), std::string(),
@@ -439,11 +440,8 @@ std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::ve
 
 TEST(ProgramEmulator, ARunWhoseScheduleLastsForAllOfItIsLengthenedOnlyWhenToldTo) {
     const TemporaryFolder folder;
-    const auto lengthened = [](const std::filesystem::path& run, std::vector<std::string> more = {}) {
-        std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
-                                           "train.total_steps=32"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return train("ppo", make_ppo, arguments);
+    const auto lengthened = [](const std::filesystem::path& run, const std::vector<std::string>& more = {}) {
+        return train("ppo", make_ppo, resuming(run, 32, more));
     };
     const auto annealed = folder.path() / "annealed";
     ASSERT_EQ(train("ppo", make_ppo, small_ppo(annealed)).code, 0);
@@ -519,7 +517,7 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     const auto config = folder.path() / "config.yaml";
     const auto settings = read_file(config);
     const auto resume = [&](const std::vector<std::string>& more = {}) {
-        return resumed_sac(folder.path(), more);
+        return train_sac(resuming(folder.path(), 20, more));
     };
     write_file_atomically(config, settings + "\n");  // says the same
     EXPECT_EQ(resume().code, 0);
