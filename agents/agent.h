@@ -10,9 +10,9 @@
 
 #include <torch/types.h>
 
-#include "agents/process_group.h"
 #include "agents/time_split.h"
 #include "cale/env.h"
+#include "parallel/process_group.h"
 
 namespace cale {
 

@@ -32,7 +32,7 @@ std::span<const std::string_view> names_of(StackAfterUpdate);
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig {
     static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
-    static constexpr bool kSeveralProcesses = true;  // see experiment/program.h
+    static constexpr bool kSeveralProcesses = true;  // see train/program.h
 
     NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};
     Torso torso = Torso::two_branch;

@@ -9,10 +9,10 @@
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
 
-#include "policy/policy.h"
-#include "policy_lite/policy_file.h"
-#include "policy_lite/policy_lite.h"
-#include "policy_lite/program.h"
+#include "policy/policy_file.h"
+#include "policy/policy_lite.h"
+#include "policy/program.h"
+#include "policy/torch/policy.h"
 
 namespace {
 

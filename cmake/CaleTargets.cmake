@@ -23,7 +23,8 @@ endif()
 # One library per folder: cale_library(replay TORCH DEPENDS cale::env)
 # makes cale_replay, known as cale::replay, from the folder's sources.
 # TORCH: includes LibTorch's headers, so shares the precompiled header.
-# SOURCES, HEADERS: of a folder with two libraries; the headers are those that are installed with it.
+# SOURCES: of a folder with two libraries.
+# HEADERS: what a program outside may include. What is not listed is not installed.
 # COMPONENT: what a user of the installed package asks for to get it: env, policy, policy_lite or, if nothing is
 # said, train.
 # A shared library shows what is in namespace cale; ALE and whatever else is in it stay inside.
@@ -57,10 +58,16 @@ function(cale_library name)
     if(NOT arg_COMPONENT)
         set(arg_COMPONENT train)
     endif()
-    if(NOT arg_HEADERS)
-        file(GLOB arg_HEADERS CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} *.h)
-    endif()
     cale_install_library(cale_${name} ${arg_COMPONENT} ${arg_HEADERS})
+endfunction()
+
+# Compiles a message description into a library of this folder.
+function(cale_protobuf name description)
+    protobuf_generate_cpp(sources headers ${description})
+    target_sources(cale_${name} PRIVATE ${sources} ${headers})
+    target_include_directories(cale_${name} SYSTEM PRIVATE $<BUILD_INTERFACE:${CMAKE_CURRENT_BINARY_DIR}>)
+    # What protoc writes is not held to this project's warnings.
+    set_source_files_properties(${sources} PROPERTIES COMPILE_OPTIONS -w SKIP_PRECOMPILE_HEADERS ON)
 endfunction()
 
 # Makes a library and its headers part of a component of the package.
@@ -107,18 +114,10 @@ function(cale_reuse_precompiled target carrier)
     target_precompile_headers(${target} REUSE_FROM ${carrier})
 endfunction()
 
-# build/bin/train_NAME: a main() around make_NAME() of agents/NAME.h, or of HEADER with its own SOURCES.
-function(cale_train_program agent description)
-    cmake_parse_arguments(PARSE_ARGV 2 arg "" "HEADER" "SOURCES")
-    set(header agents/${agent}.h)
-    if(arg_HEADER)
-        set(header ${arg_HEADER})
-    else()
-        set_property(GLOBAL APPEND PROPERTY CALE_PROGRAMS train_${agent})  # which are installed
-    endif()
-    set(main ${CMAKE_CURRENT_BINARY_DIR}/train_${agent}.cpp)
-    configure_file(${PROJECT_SOURCE_DIR}/train/train.cpp.in ${main} @ONLY)
-    add_executable(train_${agent} ${main} ${arg_SOURCES})
-    target_link_libraries(train_${agent} PRIVATE cale::experiment cale::agents cale_options)
+# build/bin/train_NAME of this folder's train_NAME.cpp and further sources.
+function(cale_train_program agent)
+    add_executable(train_${agent} train_${agent}.cpp ${ARGN})
+    target_include_directories(train_${agent} PRIVATE ${PROJECT_SOURCE_DIR})
+    target_link_libraries(train_${agent} PRIVATE cale::train cale::agents cale_options)
     cale_use_torch_headers(train_${agent})
 endfunction()

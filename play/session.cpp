@@ -9,8 +9,8 @@
 #include <fmt/format.h>
 
 #include "cale/games.h"
-#include "experiment/seeds.h"
 #include "report/video.h"
+#include "settings/seeds.h"
 
 namespace cale {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "cale/env.h"
-#include "experiment/evaluation.h"
+#include "evaluate/evaluation.h"
 #include "play/keyboard.h"
 #include "report/scene.h"
 

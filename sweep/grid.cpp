@@ -13,7 +13,7 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
-#include "experiment/config.h"
+#include "settings/config.h"
 
 namespace cale {
 namespace {

@@ -13,11 +13,11 @@
 #include <fmt/format.h>
 #include <sys/types.h>
 
-#include "experiment/console.h"
 #include "sweep/child.h"
 #include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/sweep_console.h"
+#include "terminal/console.h"
 
 namespace cale {
 namespace fs = std::filesystem;

@@ -5,9 +5,9 @@
 #include <fmt/format.h>
 #include <sched.h>
 
-#include "experiment/command_line.h"
-#include "experiment/config.h"
 #include "replay/available_memory.h"
+#include "settings/command_line.h"
+#include "settings/config.h"
 
 namespace cale {
 namespace {

@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "cale/env.h"
-#include "experiment/config.h"
+#include "settings/config.h"
 #include "sweep/shell.h"
 
 namespace cale {

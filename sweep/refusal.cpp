@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "experiment/files.h"
-#include "experiment/resume.h"
+#include "storage/files.h"
 #include "sweep/settings.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;

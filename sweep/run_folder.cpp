@@ -15,10 +15,10 @@
 #include <unistd.h>
 
 #include "cale/text.h"
-#include "experiment/files.h"
-#include "experiment/resume.h"
-#include "experiment/run_lock.h"
+#include "storage/files.h"
+#include "storage/run_lock.h"
 #include "sweep/shell.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;

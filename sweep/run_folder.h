@@ -49,7 +49,7 @@ std::string last_words(const std::filesystem::path& folder);
 
 /// The right to run what is in a folder. A process that inherits the descriptor holds it for as long as it
 /// lives, whatever becomes of the one that took it; the operating system takes it back. It is beside the lock
-/// of the training programs (experiment/run_lock.h), which they take only once they are up.
+/// of the training programs (storage/run_lock.h), which they take only once they are up.
 class RunClaim {
   public:
     /// None where a living process has it, or trains in the folder. `folder` must exist.

@@ -4,7 +4,7 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "experiment/config.h"
+#include "settings/config.h"
 
 namespace cale {
 namespace {

@@ -9,8 +9,8 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "experiment/config.h"
-#include "experiment/files.h"
+#include "settings/config.h"
+#include "storage/files.h"
 #include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"

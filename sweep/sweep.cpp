@@ -11,8 +11,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "experiment/config.h"
-#include "experiment/files.h"
+#include "settings/config.h"
+#include "storage/files.h"
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
 #include "sweep/refusal.h"

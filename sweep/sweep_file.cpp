@@ -12,8 +12,8 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
-#include "experiment/config.h"
-#include "experiment/files.h"
+#include "settings/config.h"
+#include "storage/files.h"
 #include "sweep/grid.h"
 
 namespace cale {

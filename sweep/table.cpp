@@ -8,8 +8,8 @@
 #include <fmt/format.h>
 
 #include "cale/text.h"
-#include "experiment/columns.h"
-#include "experiment/console.h"
+#include "terminal/columns.h"
+#include "terminal/console.h"
 
 namespace cale {
 namespace {

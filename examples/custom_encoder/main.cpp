@@ -1,6 +1,6 @@
 // A training program: configuration, command line, logs, checkpoints, --resume and evaluation come with
 // run_program().
-#include <experiment/program.h>
+#include <train/program.h>
 
 #include "patch_dqn.h"
 

@@ -11,8 +11,8 @@
 #include <cale/emulator.h>
 #include <cale/env.h>
 #include <cale/games.h>
-#include <policy/policy.h>
-#include <policy_lite/observer.h>
+#include <policy/observer.h>
+#include <policy/torch/policy.h>
 
 namespace {
 

@@ -15,8 +15,8 @@
 #include <torch/types.h>
 
 #include "agent_worlds.h"
-#include "experiment/temporary_folder.h"
 #include "replay/replay_buffer.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

@@ -12,7 +12,7 @@
 #include "agents/ppo.h"
 #include "agents/sac.h"
 #include "agents/sacd.h"
-#include "experiment/temporary_folder.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

@@ -1,5 +1,5 @@
 // Processes that train together, as threads of this one: each has its own connections over Gloo.
-#include "agents/process_group.h"
+#include "parallel/process_group.h"
 
 #include <array>
 #include <cmath>

@@ -4,8 +4,8 @@
 #include <exception>
 #include <vector>
 
-#include <policy_lite/observer.h>
-#include <policy_lite/policy_lite.h>
+#include <policy/observer.h>
+#include <policy/policy_lite.h>
 
 int main(int argc, char** argv) {
     try {

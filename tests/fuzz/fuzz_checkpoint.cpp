@@ -9,10 +9,10 @@
 #include <ATen/Parallel.h>
 
 #include "agents/dqn.h"
-#include "experiment/checkpoint.h"
-#include "experiment/files.h"
-#include "experiment/games_under_way.h"
 #include "fuzz.h"
+#include "storage/files.h"
+#include "train/checkpoint.h"
+#include "train/collector.h"
 
 namespace {
 
@@ -24,7 +24,7 @@ struct World {
     fuzz::Folder folder;
     fs::path run = folder / "run";
     std::unique_ptr<cale::Agent> agent = make_agent();
-    cale::GamesUnderWay games{breakout(), 1};
+    cale::Collector games{breakout(), 1};
     cale::RunState state;
     TensorMap good_games;
     cale::StoredCheckpoint good;

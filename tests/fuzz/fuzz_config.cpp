@@ -1,9 +1,9 @@
 // The YAML reader and KEY=VALUE. Input: a configuration file; what follows a line "---set" is one override a
 // line.
 #include "agents/sac.h"
-#include "experiment/config.h"
-#include "experiment/run_config.h"
 #include "fuzz.h"
+#include "settings/config.h"
+#include "settings/run_config.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const fuzz::Folder folder;

@@ -7,10 +7,10 @@
 #include <map>
 #include <vector>
 
-#include "experiment/checksum.h"
-#include "experiment/event_file.h"
 #include "fuzz.h"
-#include "policy_lite/json.h"
+#include "policy/json.h"
+#include "storage/checksum.h"
+#include "train/event_file.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const fuzz::Folder folder;

@@ -5,7 +5,7 @@
 
 #include "fuzz.h"
 #include "good_policy.h"
-#include "policy_lite/cale_policy.h"
+#include "policy/cale_policy.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     auto input = fuzz::text_of(data, size);

@@ -1,7 +1,7 @@
 // Named tensors: the reader that copies, and the one that does not.
 
 #include "fuzz.h"
-#include "policy/safetensors.h"
+#include "policy/torch/safetensors.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const fuzz::Folder folder;

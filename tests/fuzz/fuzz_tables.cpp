@@ -1,9 +1,9 @@
 // The tables of a run, as a report and a resumed run read them.
 #include <optional>
 
-#include "experiment/log.h"
 #include "fuzz.h"
 #include "report/learning_curve.h"
+#include "train/log.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const fuzz::Folder folder;

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "policy_lite/policy_file.h"
+#include "policy/policy_file.h"
 
 namespace fuzz {
 

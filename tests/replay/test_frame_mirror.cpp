@@ -6,8 +6,8 @@
 
 #include <torch/types.h>
 
-#include "experiment/temporary_folder.h"
 #include "numbered_frames.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

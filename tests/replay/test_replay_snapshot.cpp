@@ -7,9 +7,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "experiment/temporary_folder.h"
 #include "numbered_frames.h"
 #include "replay/replay_snapshot.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "cale/env.h"
-#include "experiment/full_disk.h"
 #include "report/scene.h"
+#include "support/full_disk.h"
 
 namespace cale {
 namespace {

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "experiment/temporary_folder.h"
+#include "support/temporary_folder.h"
 #include "sweep/plan.h"
 
 namespace test {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "experiment/config.h"
 #include "fake_program.h"
+#include "settings/config.h"
 #include "sweep/shell.h"
 
 namespace cale {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "experiment/temporary_folder.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "experiment/config.h"
+#include "settings/config.h"
 
 namespace cale {
 namespace {

@@ -16,8 +16,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "experiment/config.h"
 #include "fake_program.h"
+#include "settings/config.h"
 #include "sweep/run_folder.h"
 
 namespace cale {

@@ -12,9 +12,9 @@
 
 #include <fmt/format.h>
 
-#include "experiment/config.h"
-#include "experiment/files.h"
 #include "fake_program.h"
+#include "settings/config.h"
+#include "storage/files.h"
 #include "sweep/plan.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "experiment/config.h"
-#include "experiment/temporary_folder.h"
+#include "settings/config.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {

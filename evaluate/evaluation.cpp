@@ -1,0 +1,332 @@
+#include "evaluate/evaluation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <stdexcept>
+#include <utility>
+
+#include <fmt/format.h>
+#include <torch/types.h>
+
+#include "cale/games.h"
+#include "report/aggregate.h"
+#include "report/scene.h"
+#include "report/video.h"
+#include "settings/seeds.h"
+#include "storage/files.h"
+
+namespace cale {
+
+namespace {
+
+/// Films a game, one picture per agent step, at the game's own pace: its first minutes,
+/// as a picture costs more than a step and a game may last half an hour.
+class Film {
+  public:
+    Film(std::filesystem::path path, const EnvConfig& env, double minutes)
+        : path_(std::move(path)),
+          pictures_per_second_(60.0 / static_cast<double>(env.frame_skip)),
+          most_pictures_(minutes * 60 * pictures_per_second_) {}
+
+    void shoot(const Env& env, Scene scene) {
+        if (++pictures_ > most_pictures_ && writer_) return;
+        const Image image = compose_frame(env, std::move(scene));
+        if (!writer_) writer_.emplace(path_, image.width, image.height, pictures_per_second_, 1);
+        writer_->write(image.rgb);
+    }
+    void finish() { writer_->close(); }
+
+  private:
+    std::filesystem::path path_;
+    double pictures_per_second_;
+    double most_pictures_;
+    double pictures_ = 0;
+    std::optional<VideoWriter> writer_;
+};
+
+ContinuousAction random_joystick(std::mt19937& random) {
+    const auto between = [&random](float low, float high) {
+        return std::uniform_real_distribution<float>(low, high)(random);
+    };
+    constexpr auto kPi = std::numbers::pi_v<float>;
+    const float radius = between(0, 1), theta = between(-kPi, kPi), fire = between(0, 1);
+    return {radius, theta, fire};
+}
+
+/// One game, from its beginning to its end.
+class GameInPlay {
+  public:
+    GameInPlay(const EvaluationPlan& plan, std::int64_t number)
+        : number_(number),
+          epsilon_(plan.epsilon),
+          threshold_(plan.env.threshold),
+          env_(plan.env, derive_seed(plan.seed, "evaluation", number)),
+          noise_(derive_seed(plan.seed, "evaluation noise", number)) {
+        if (number == plan.filmed_game && !plan.video.empty())
+            film_.emplace(plan.video, plan.env, plan.film_minutes);
+    }
+
+    std::int64_t number() const { return number_; }
+    bool over() const { return over_; }
+    const EvaluatedGame& result() const { return result_; }
+
+    /// Writes the first observation to row `row` of the stack.
+    void begin(FrameStack& stack, std::size_t row) {
+        env_.reset(frame_);
+        stack.clear(row);
+        stack.push(row, frame_);
+    }
+
+    /// Carries out what was chosen for it, row `i`.
+    void step(const Chosen& chosen, std::int64_t i, FrameStack& stack, std::size_t row) {
+        std::optional<ContinuousAction> joystick;
+        StepResult step;
+        const bool at_random = epsilon_ > 0 && std::uniform_real_distribution<double>()(noise_) < epsilon_;
+        if (env_.actions().empty()) {
+            const float* a = chosen.actions.const_data_ptr<float>() + 3 * i;
+            joystick = at_random ? random_joystick(noise_) : ContinuousAction{a[0], a[1], a[2]};
+            step = env_.step(*joystick, frame_);
+        } else {
+            std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env_.actions()) - 1);
+            step =
+                env_.step(at_random ? any(noise_) : chosen.actions.const_data_ptr<std::int64_t>()[i], frame_);
+        }
+        if (step.terminal || step.truncated) stack.clear(row);
+        stack.push(row, frame_);
+        ++result_.events[static_cast<std::size_t>(step.event)];
+        ++result_.rewards[step.reward];
+        result_.episode_return += step.reward;
+        result_.length += 1;
+        result_.frames += step.frames;
+        over_ = step.episode_over;
+        if (!film_) return;
+        film_->shoot(env_, {.observation = frame_,
+                            .action = joystick,
+                            .threshold = threshold_,
+                            .event = step.event,
+                            .episode_return = result_.episode_return,
+                            .value = value_of(chosen, i)});
+        if (over_) film_->finish();
+    }
+
+  private:
+    static std::optional<double> value_of(const Chosen& chosen, std::int64_t i) {
+        if (!chosen.values.defined()) return std::nullopt;
+        return chosen.values.const_data_ptr<float>()[i];
+    }
+
+    std::int64_t number_;
+    double epsilon_;
+    double threshold_;
+    Env env_;
+    std::mt19937 noise_;
+    std::optional<Film> film_;
+    std::vector<std::uint8_t> frame_ = std::vector<std::uint8_t>(kFrameSize);
+    EvaluatedGame result_;
+    bool over_ = false;
+};
+
+using Games = std::vector<std::unique_ptr<GameInPlay>>;  // a row is free where there is none
+
+/// Begins the games `numbers` in those of their rows that are free. An emulator takes a tenth of a second to
+/// start: all together.
+void begin_games(const EvaluationPlan& plan, const std::vector<std::int64_t>& rows,
+                 const std::vector<std::int64_t>& numbers, FrameStack& stack, Games& games) {
+    at::parallel_for(0, std::ssize(rows), 1, [&](std::int64_t first, std::int64_t last) {
+        for (auto i = static_cast<std::size_t>(first); i < static_cast<std::size_t>(last); ++i) {
+            const auto row = static_cast<std::size_t>(rows[i]);
+            if (games[row]) continue;
+            games[row] = std::make_unique<GameInPlay>(plan, numbers[i]);
+            games[row]->begin(stack, row);
+        }
+    });
+}
+
+/// On the CPU, contiguous, as many as there are games, of the kind that the action space wants.
+Chosen checked(Chosen chosen, std::int64_t games, bool continuous) {
+    auto& [actions, values] = chosen;
+    const auto wanted = continuous ? std::vector<std::int64_t>{games, 3} : std::vector<std::int64_t>{games};
+    if (actions.sizes() != torch::IntArrayRef(wanted) ||
+        actions.scalar_type() != (continuous ? torch::kFloat32 : torch::kInt64)) {
+        throw std::invalid_argument(fmt::format(
+            "{} actions were asked for, and this is what came: {} {}", continuous ? "continuous" : "discrete",
+            c10::toString(actions.scalar_type()), fmt::join(actions.sizes(), " x ")));
+    }
+    actions = actions.cpu().contiguous();
+    if (values.defined()) values = values.to(torch::kCPU, torch::kFloat32).contiguous();
+    return chosen;
+}
+
+/// The games of the smallest number of games, in their order, that lasted `steps` agent steps together.
+void drop_games_after(std::vector<EvaluatedGame>& games, std::int64_t steps) {
+    std::int64_t before = 0;
+    const auto last = std::ranges::find_if(games, [&](const EvaluatedGame& game) {
+        return std::exchange(before, before + game.length) >= steps;
+    });
+    games.erase(last, games.end());
+}
+
+void add_up(Evaluation& evaluation) {
+    const auto n = static_cast<double>(evaluation.games.size());
+    for (const auto& game : evaluation.games) {
+        evaluation.mean_return += game.episode_return / n;
+        for (std::size_t i = 0; i < kEventCount; ++i) evaluation.events[i] += game.events[i];
+        for (const auto& [reward, count] : game.rewards) evaluation.rewards[reward] += count;
+    }
+    double variance = 0;
+    for (const auto& game : evaluation.games) {
+        variance += std::pow(game.episode_return - evaluation.mean_return, 2) / n;
+    }
+    evaluation.standard_deviation = std::sqrt(variance);
+}
+
+}  // namespace
+
+torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, std::size_t depth) {
+    // LibTorch knows no constant tensors: nobody writes through this one.
+    return torch::from_blob(
+        const_cast<std::uint8_t*>(stack.data().data()),
+        {static_cast<std::int64_t>(num_envs), static_cast<std::int64_t>(depth), kFrameHeight, kFrameWidth},
+        torch::kUInt8);
+}
+
+EvaluationPlan fixed_episodes(const EnvConfig& env) {
+    EvaluationPlan plan{.env = env, .games = 100, .parallel = 16, .epsilon = 0.001};
+    plan.env.noop_max = 29;
+    return plan;
+}
+
+EvaluationPlan fixed_steps(const EnvConfig& env) {
+    return {.env = env,
+            .games = std::numeric_limits<std::int64_t>::max(),
+            .steps = 125'000,
+            .parallel = 16,
+            .epsilon = 0.001};
+}
+
+Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
+    const bool continuous = plan.env.action_space == ActionSpace::continuous;
+    const auto rows =
+        static_cast<std::size_t>(std::max(std::int64_t{1}, std::min(plan.parallel, plan.games)));
+    FrameStack stack(rows, plan.stack_depth);
+    const auto all_rows = stack_tensor(stack, rows, plan.stack_depth);
+    Games games(rows);
+
+    Evaluation evaluation;
+    std::int64_t begun = 0, steps = 0;
+    // The number of the next game that is to be played, if there is one.
+    const auto next_game = [&]() -> std::optional<std::int64_t> {
+        while (begun < plan.games && steps < plan.steps) {
+            const auto known = plan.known.find(begun++);
+            if (known == plan.known.end()) return begun - 1;
+            steps += known->second.length;
+            evaluation.games.resize(static_cast<std::size_t>(begun));
+            evaluation.games.back() = known->second;
+        }
+        return std::nullopt;
+    };
+    while (true) {
+        std::vector<std::int64_t> active, numbers;
+        bool some_begin = false;
+        for (std::size_t row = 0; row < rows; ++row) {
+            const auto number = games[row] ? std::optional(games[row]->number()) : next_game();
+            if (!number) continue;
+            some_begin = some_begin || !games[row];
+            active.push_back(static_cast<std::int64_t>(row));
+            numbers.push_back(*number);
+        }
+        if (active.empty()) break;
+        if (some_begin) begin_games(plan, active, numbers, stack, games);
+
+        const auto count = std::ssize(active);
+        const auto observations =
+            active.size() == rows ? all_rows : all_rows.index_select(0, torch::tensor(active));
+        const Chosen chosen = checked(decide(observations, numbers), count, continuous);
+        at::parallel_for(0, count, 1, [&](std::int64_t first, std::int64_t last) {
+            for (std::int64_t i = first; i < last; ++i) {
+                const auto row = static_cast<std::size_t>(active[static_cast<std::size_t>(i)]);
+                games[row]->step(chosen, i, stack, row);
+            }
+        });
+        steps += count;
+        if (plan.stepped) plan.stepped(count);
+        evaluation.games.resize(static_cast<std::size_t>(begun));
+        for (auto& game : games) {
+            if (!game || !game->over()) continue;
+            evaluation.games[static_cast<std::size_t>(game->number())] = game->result();
+            if (plan.ended) plan.ended(game->number(), game->result());
+            game.reset();
+        }
+    }
+    drop_games_after(evaluation.games, plan.steps);
+    add_up(evaluation);
+    return evaluation;
+}
+
+Evaluation evaluate(Agent& agent, EnvConfig env_config, const EvalConfig& config, std::uint64_t seed,
+                    std::size_t stack_depth, const std::filesystem::path& video) {
+    env_config.noop_max = config.noop_max;
+    const auto decide = [&agent](const torch::Tensor& observations, std::span<const std::int64_t>) {
+        return Chosen{.actions = agent.act(observations, ActMode::evaluate)};
+    };
+    return evaluate(decide, {.env = std::move(env_config),
+                             .games = config.episodes,
+                             .seed = seed,
+                             .stack_depth = stack_depth,
+                             .video = video});
+}
+
+float reward_quantile(const std::map<float, std::int64_t>& rewards, double quantile) {
+    std::int64_t steps = 0;
+    for (const auto& [reward, count] : rewards) steps += count;
+    if (steps == 0) throw std::invalid_argument("no rewards have no quantiles");
+    std::int64_t up_to_here = 0;
+    for (const auto& [reward, count] : rewards) {
+        up_to_here += count;
+        if (static_cast<double>(up_to_here) >= quantile * static_cast<double>(steps)) return reward;
+    }
+    return rewards.rbegin()->first;
+}
+
+void write_evaluation(const std::filesystem::path& csv, const Evaluation& evaluation) {
+    const auto beside = [&csv](std::string_view name) {
+        return csv.parent_path() / fmt::format("{}_{}.csv", csv.stem().string(), name);
+    };
+    std::string games = "episode,return,length,frames\n";
+    for (std::size_t i = 0; i < evaluation.games.size(); ++i) {
+        const auto& game = evaluation.games[i];
+        games += fmt::format("{},{},{},{}\n", i, game.episode_return, game.length, game.frames);
+    }
+    std::string rewards = "quantile,reward\n";
+    for (int percent = 0; percent <= 100; ++percent) {
+        const double quantile = percent / 100.0;
+        rewards += fmt::format("{},{}\n", quantile, reward_quantile(evaluation.rewards, quantile));
+    }
+    std::filesystem::create_directories(csv.parent_path());
+    write_file_atomically(beside("events"), event_table(evaluation.events));
+    write_file_atomically(beside("rewards"), rewards);
+    write_file_atomically(csv, games);
+}
+
+ReturnSummary summarise(const Evaluation& evaluation, std::string_view game) {
+    std::vector<double> returns;
+    for (const auto& played : evaluation.games) returns.push_back(played.episode_return);
+    if (returns.empty()) throw std::invalid_argument("no games cannot be summarised");
+    std::ranges::sort(returns);
+    const std::size_t n = returns.size(), quarter = n / 4;
+    ReturnSummary summary{.mean = evaluation.mean_return,
+                          .standard_deviation = evaluation.standard_deviation,
+                          .median = (returns[(n - 1) / 2] + returns[n / 2]) / 2,
+                          .minimum = returns.front(),
+                          .maximum = returns.back()};
+    for (std::size_t i = quarter; i < n - quarter; ++i)
+        summary.interquartile_mean += returns[i] / static_cast<double>(n - 2 * quarter);
+    const Game& scores = find_game(game);
+    if (scores.human_score) summary.human_normalised = human_normalised(summary.mean, scores);
+    return summary;
+}
+
+}  // namespace cale

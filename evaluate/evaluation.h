@@ -1,0 +1,114 @@
+// Games played without learning: by an agent in training, and by a policy for `cale evaluate`.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <map>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "agents/agent.h"
+#include "cale/env.h"
+#include "cale/frames.h"
+#include "evaluate/event_counts.h"
+#include "settings/run_config.h"
+
+namespace cale {
+
+/// What is chosen for N games.
+struct Chosen {
+    torch::Tensor actions;   // [N, 3] float32, or [N] int64
+    torch::Tensor values{};  // [N] float32, what the chosen actions are worth; undefined where nobody says
+};
+
+/// Chooses for N games under way. `observations`: [N, depth, 84, 84] uint8, valid during the call;
+/// `games`: the numbers of the games that its rows belong to.
+using Decide = std::function<Chosen(const torch::Tensor& observations, std::span<const std::int64_t> games)>;
+
+struct EvaluatedGame {
+    double episode_return = 0;  // undiscounted, neither clipped nor scaled
+    std::int64_t length = 0;    // agent steps
+    std::int64_t frames = 0;
+    EventCounts events{};                     // how often each joystick event was asked for
+    std::map<float, std::int64_t> rewards{};  // how often an agent step brought which reward
+};
+
+struct Evaluation {
+    std::vector<EvaluatedGame> games;  // by their numbers
+    EventCounts events{};              // the sums over the games
+    std::map<float, std::int64_t> rewards{};
+    double mean_return = 0;
+    double standard_deviation = 0;  // of the returns, divided by n
+};
+
+/// Which games are played, and how. What happens in game i follows from `seed` and i alone, whatever
+/// `parallel` is, if what `decide` chooses for a game does.
+struct EvaluationPlan {
+    EnvConfig env{};
+    std::int64_t games = 100;
+    /// No game begins once all before it have lasted this many agent steps together.
+    std::int64_t steps = std::numeric_limits<std::int64_t>::max();
+    std::int64_t parallel = 1;  // games under way at a time, stepped by LibTorch's threads
+    std::uint64_t seed = 1;
+    std::size_t stack_depth = 4;
+    double epsilon = 0;             // probability of a uniformly random action instead of the chosen one
+    std::filesystem::path video{};  // an MP4 file of one of the games; empty: none
+    std::int64_t filmed_game = 0;
+    double film_minutes = 5;  // of the game's time
+    /// Games that were played before, by their numbers: they count, and are not played again.
+    std::map<std::int64_t, EvaluatedGame> known{};
+    /// Called after each game, in the order of their ends.
+    std::function<void(std::int64_t number, const EvaluatedGame&)> ended{};
+    std::function<void(std::int64_t steps)> stepped{};  // called after so many agent steps, of all games
+};
+
+/// DER's evaluation in Dopamine (DataEfficientAtariRunner): 100 fresh games that begin with 0 to 29
+/// no-op agent steps, 0.1 % random actions.
+EvaluationPlan fixed_episodes(const EnvConfig& env);
+/// Dopamine's evaluation phase (Machado et al. 2018): games until 125,000 agent steps are played, the
+/// last one to its end; 0.1 % random actions.
+EvaluationPlan fixed_steps(const EnvConfig& env);
+
+/// What an agent sees, as a tensor [N, depth, 84, 84] uint8: a view that lasts as long as
+/// the stack and changes with it.
+torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, std::size_t depth);
+
+/// Plays. Every game has an environment of its own. A lost life that ends the agent's episode clears the
+/// stack and does not end the game. Throws what `decide` and the environments throw.
+Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
+
+/// Plays config.episodes games, one after the other, with the agent's evaluation policy. Neither the
+/// agent's training nor the training environments are touched: all randomness comes from `seed`
+/// and from the agent's own evaluation stream. The first game is filmed to `video` if
+/// that is not empty.
+Evaluation evaluate(Agent& agent, EnvConfig env, const EvalConfig& config, std::uint64_t seed,
+                    std::size_t stack_depth, const std::filesystem::path& video);
+
+/// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.
+/// Throws std::invalid_argument for no rewards.
+float reward_quantile(const std::map<float, std::int64_t>& rewards, double quantile);
+
+/// Three tables: X.csv with a row per game (episode,return,length,frames), X_events.csv with a row for each
+/// of the 18 joystick events (event,count), and X_rewards.csv with the rewards of the agent steps at
+/// 101 quantiles (quantile,reward).
+void write_evaluation(const std::filesystem::path& csv, const Evaluation& evaluation);
+
+/// What a set of returns comes to.
+struct ReturnSummary {
+    double mean = 0;
+    double standard_deviation = 0;  // divided by n
+    double median = 0;
+    double interquartile_mean = 0;  // without the lowest and the highest quarter, rounded down
+    double minimum = 0;
+    double maximum = 0;
+    std::optional<double> human_normalised{};  // (mean - random) / (human - random), where both are known
+};
+
+/// Throws std::invalid_argument for no games.
+ReturnSummary summarise(const Evaluation& evaluation, std::string_view game);
+
+}  // namespace cale

@@ -1,0 +1,126 @@
+#include "evaluate/evaluation_report.h"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "cale/random_play.h"
+#include "cale/text.h"
+#include "settings/config.h"
+#include "settings/versions.h"
+#include "storage/files.h"
+
+namespace cale {
+namespace {
+
+std::string provenance(const PolicyInfo& policy, const std::string& name) {
+    const auto found = policy.provenance.find(name);
+    return found == policy.provenance.end() ? "" : found->second;
+}
+
+/// "NOOP 61.2%, FIRE 20.1%, ...": the commonest first, those that never happened left out.
+std::string event_shares(const EventCounts& events) {
+    std::array<std::size_t, kEventCount> order{};
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::ranges::stable_sort(order, std::greater(), [&](std::size_t event) { return events[event]; });
+    const auto all = std::accumulate(events.begin(), events.end(), std::int64_t{0});
+    std::string text;
+    for (const std::size_t event : order) {
+        if (events[event] == 0) break;
+        text += fmt::format("{}{} {:.1f}%", text.empty() ? "" : ", ", event_name(static_cast<Event>(event)),
+                            100.0 * static_cast<double>(events[event]) / static_cast<double>(all));
+    }
+    return text;
+}
+
+/// What a policy that has learned nothing returns in this environment, and how that is known.
+std::string random_play(const EnvConfig& env) {
+    if (const auto play = joystick_random(env)) {
+        return fmt::format("{:.2f} ({:.2f} to {:.2f}), measured with the joystick", play->mean, play->low,
+                           play->high);
+    }
+    if (const auto published = random_floor(env)) return fmt::format("{:.2f}, published", *published);
+    return env.action_space == ActionSpace::continuous ? "not measured with this joystick and these rules"
+                                                       : "there is no random score of this game";
+}
+
+}  // namespace
+
+std::string evaluation_text(const EvaluationReport& report) {
+    const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
+    std::string text;
+    const auto line = [&text](std::string_view name, const std::string& value) {
+        text += fmt::format("{:<20}  {}\n", name, printable(value));
+    };
+    const std::string steps = provenance(policy, "agent_steps");
+    line("policy", fmt::format("{} on {}{}, {}", policy.agent, policy.game,
+                               steps.empty() ? "" : fmt::format(" after {} agent steps", steps), source));
+    line("game", plan.env.game);
+    line("protocol", fmt::format("{}, seed {}, {}, epsilon {}, {} no-ops at the start", protocol, plan.seed,
+                                 sampled ? "sampled" : "greedy", plan.epsilon,
+                                 plan.env.noop_max == 0 ? "no" : fmt::format("0 to {}", plan.env.noop_max)));
+    line("environment",
+         fmt::format("sticky {}, threshold {}", plan.env.sticky_probability, plan.env.threshold));
+
+    std::int64_t length = 0, frames = 0;
+    for (const auto& game : evaluation.games) {
+        length += game.length;
+        frames += game.frames;
+    }
+    const ReturnSummary summary = summarise(evaluation, plan.env.game);
+    line("games", fmt::format("{}, {} agent steps, {} frames", evaluation.games.size(), length, frames));
+    line("return, mean", fmt::format("{:.2f}", summary.mean));
+    line("  standard deviation", fmt::format("{:.2f}", summary.standard_deviation));
+    line("  median", fmt::format("{:.2f}", summary.median));
+    line("  interquartile mean", fmt::format("{:.2f}", summary.interquartile_mean));
+    line("  minimum, maximum", fmt::format("{}, {}", summary.minimum, summary.maximum));
+    line("  human-normalised",
+         summary.human_normalised
+             ? fmt::format("{:.4f} (0 is the published random score)", *summary.human_normalised)
+             : "there is no human score of this game");
+    line("random play", random_play(plan.env));
+    line("events", event_shares(evaluation.events));
+    return text;
+}
+
+void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
+                             const std::string& name) {
+    const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
+    const ReturnSummary summary = summarise(evaluation, plan.env.game);
+    nlohmann::ordered_json env;
+    EnvConfig config = plan.env;
+    ConfigTable table;
+    table.add("env", config);
+    for (const auto& entry : table.entries()) env[entry.key] = entry.get();
+    nlohmann::ordered_json json = {{"source", source},
+                                   {"agent", policy.agent},
+                                   {"trained_on", policy.game},
+                                   {"agent_steps", provenance(policy, "agent_steps")},
+                                   {"training_seed", provenance(policy, "seed")},
+                                   {"cale", cale_version()},
+                                   {"protocol", protocol},
+                                   {"seed", plan.seed},
+                                   {"choice", sampled ? "sampled" : "greedy"},
+                                   {"epsilon", plan.epsilon},
+                                   {"env", env},
+                                   {"games", evaluation.games.size()},
+                                   {"mean", summary.mean},
+                                   {"standard_deviation", summary.standard_deviation},
+                                   {"median", summary.median},
+                                   {"interquartile_mean", summary.interquartile_mean},
+                                   {"minimum", summary.minimum},
+                                   {"maximum", summary.maximum},
+                                   {"human_normalised", nullptr},
+                                   {"random_play", nullptr}};
+    if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
+    if (const auto floor = random_floor(plan.env)) json["random_play"] = *floor;
+    write_evaluation(folder / (name + ".csv"), evaluation);
+    // The source is a path, which need not be UTF-8, as JSON must.
+    write_file_atomically(folder / (name + ".json"),
+                          json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+}
+
+}  // namespace cale

@@ -1,0 +1,30 @@
+// What `cale evaluate` says and writes.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "evaluate/evaluation.h"
+#include "policy/torch/policy.h"
+
+namespace cale {
+
+/// An evaluation that was made, with all that it followed from.
+struct EvaluationReport {
+    std::string source{};    // the path that the user gave
+    std::string protocol{};  // "fixed_episodes" or "fixed_steps"
+    bool sampled = false;
+    const PolicyInfo& policy;
+    const EvaluationPlan& plan;
+    const Evaluation& evaluation;
+};
+
+/// For the terminal: who played what and how, the statistics of the returns, and what the joystick did.
+std::string evaluation_text(const EvaluationReport& report);
+
+/// Writes `name`.csv, `name`_events.csv and `name`_rewards.csv (write_evaluation), and at last
+/// `name`.json with the settings and the statistics, to a folder that is made if need be.
+void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
+                             const std::string& name = "evaluation");
+
+}  // namespace cale

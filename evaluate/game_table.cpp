@@ -1,0 +1,111 @@
+#include "evaluate/game_table.h"
+
+#include <cmath>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "cale/env.h"
+#include "cale/random_play.h"
+
+namespace cale {
+namespace {
+
+std::optional<std::filesystem::path> rom_of(const Game& game, const std::string& rom_dir) {
+    try {
+        return find_rom(std::string(game.rom), rom_dir);
+    } catch (const std::runtime_error&) {
+        return std::nullopt;
+    }
+}
+
+std::vector<std::string_view> minimal_actions(const Game& game, const std::string& rom_dir) {
+    EnvConfig config{.game = std::string(game.rom), .rom_dir = rom_dir};
+    config.action_space = ActionSpace::minimal;
+    const Env env(config, /*seed=*/0);
+    std::vector<std::string_view> names;
+    for (const Event event : env.actions()) names.push_back(event_name(event));
+    return names;
+}
+
+std::string score(const std::optional<double>& value, std::string_view otherwise) {
+    return value ? fmt::format("{}", *value) : std::string(otherwise);
+}
+
+/// One decimal, as scores are published.
+double rounded(double score) {
+    return std::round(10 * score) / 10 + 0.0;
+}
+
+}  // namespace
+
+std::string game_table(const std::string& rom_dir, bool atari100k) {
+    constexpr auto kRow = "{:<16}  {:>7}  {:>9}  {:>9}  {:>9}  {:<4}  {}\n";
+    std::string text = fmt::format(kRow, "game", "actions", "random", "joystick", "human", "100k", "ROM");
+    std::size_t shown = 0, missing = 0;
+    for (const Game& game : games()) {
+        if (atari100k && !game.in_atari100k) continue;
+        const auto rom = rom_of(game, rom_dir);
+        ++shown;
+        if (!rom) ++missing;
+        text += fmt::format(kRow, game.name, game.minimal_action_count, score(game.random_score, "-"),
+                            rounded(joystick_random(game.name, "200m").mean), score(game.human_score, "-"),
+                            game.in_atari100k ? "yes" : "", rom ? rom->string() : "missing");
+    }
+    text +=
+        "random: the published score of random joystick events; joystick: random play on the continuous "
+        "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them)\n";
+    text += fmt::format("{} games, {}\n", shown,
+                        missing == 0 ? "all with their ROM"
+                                     : fmt::format("{} without their ROM: run scripts/setup, or let "
+                                                   "--rom-dir or ALE_ROMS_DIR name a folder that has it",
+                                                   missing));
+    return text;
+}
+
+std::string game_csv(const std::string& rom_dir, bool atari100k) {
+    std::string text =
+        "game,rom,atari100k,random_score,human_score,joystick_random_200m,joystick_random_atari100k,"
+        "minimal_action_count,minimal_actions,rom_file\n";
+    for (const Game& game : games()) {
+        if (atari100k && !game.in_atari100k) continue;
+        const auto rom = rom_of(game, rom_dir);
+        const auto actions = rom ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
+        text +=
+            fmt::format("{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom, game.in_atari100k ? 1 : 0,
+                        score(game.random_score, ""), score(game.human_score, ""),
+                        joystick_random(game.name, "200m").mean, joystick_random(game.name, "atari100k").mean,
+                        game.minimal_action_count, fmt::join(actions, " "), rom ? rom->string() : "");
+    }
+    return text;
+}
+
+std::string game_details(const Game& game, const std::string& rom_dir) {
+    const auto rom = rom_of(game, rom_dir);
+    std::string text;
+    const auto line = [&text](std::string_view name, std::string_view value) {
+        text += fmt::format("{:<16}  {}\n", name, value);
+    };
+    line("game", fmt::format("ALE/{}-v5", game.name));
+    line("Atari 100k", game.in_atari100k ? "yes" : "no");
+    line("random score", score(game.random_score, "none published"));
+    for (const auto& [name, protocol] : {std::pair("joystick random", "200m"), std::pair("", "atari100k")}) {
+        const auto& play = joystick_random(game.name, protocol);
+        line(name, fmt::format("{} ({} to {}, {} games of protocol {})", rounded(play.mean),
+                               rounded(play.low), rounded(play.high), play.games, protocol));
+    }
+    line("human score", score(game.human_score, "none published"));
+    line("minimal actions", rom ? fmt::format("{}: {}", game.minimal_action_count,
+                                              fmt::join(minimal_actions(game, rom_dir), ", "))
+                                : fmt::format("{}", game.minimal_action_count));
+    line("ROM", rom ? rom->string() : fmt::format("{}.bin, missing: run scripts/setup", game.rom));
+    return text;
+}
+
+}  // namespace cale

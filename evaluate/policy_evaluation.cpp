@@ -1,0 +1,95 @@
+#include "evaluate/policy_evaluation.h"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include <ATen/CPUGeneratorImpl.h>
+#include <fmt/format.h>
+#include <torch/types.h>
+
+#include "settings/seeds.h"
+
+namespace cale {
+namespace {
+
+constexpr std::int64_t kRows = 8;
+
+/// `forward` of `observations`, kRows of them at a time, the last ones filled up with blank ones.
+template <class Forward>
+torch::Tensor in_equal_batches(const torch::Tensor& observations, const Forward& forward) {
+    std::vector<torch::Tensor> results;
+    const std::int64_t count = observations.size(0);
+    for (std::int64_t first = 0; first < count; first += kRows) {
+        const std::int64_t rows = std::min(kRows, count - first);
+        auto batch = observations.narrow(0, first, rows);
+        if (rows < kRows) {
+            auto shape = observations.sizes().vec();
+            shape[0] = kRows - rows;
+            batch = torch::cat({batch, torch::zeros(shape, torch::kUInt8)});
+        }
+        results.push_back(forward(batch).narrow(0, 0, rows));
+    }
+    return torch::cat(results);
+}
+
+}  // namespace
+
+void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
+    const auto space = names_of(env.action_space)[static_cast<std::size_t>(env.action_space)];
+    const bool continuous = env.action_space == ActionSpace::continuous;
+    if (continuous != policy.actions.empty()) {
+        throw std::invalid_argument(
+            fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",
+                        policy.action_space, space));
+    }
+    if (continuous) return;
+    const Env world(env, /*seed=*/0);
+    if (std::ranges::equal(world.actions(), policy.actions)) return;
+    throw std::invalid_argument(
+        fmt::format("this policy chooses among {} joystick events of {}, and {} with env.action_space={} has "
+                    "others: only a policy of the continuous joystick or of the full set plays other games",
+                    policy.actions.size(), policy.game, env.game, space));
+}
+
+std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env) {
+    const bool asked = std::exchange(env.terminal_on_life_loss, policy.life_loss_ends_episode);
+    if (asked == env.terminal_on_life_loss) return "";
+    return fmt::format(
+        "env.terminal_on_life_loss={} is not applied: as in this policy's training ({}), a lost life {} its "
+        "frame stack; no game ends with a life",
+        asked, env.terminal_on_life_loss, env.terminal_on_life_loss ? "clears" : "does not clear");
+}
+
+Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
+    if (!sampled) {
+        return [policy](const torch::Tensor& observations, std::span<const std::int64_t>) {
+            if (policy.gives_action_values()) {
+                const auto values = in_equal_batches(
+                    observations, [&policy](const torch::Tensor& batch) { return policy.output(batch); });
+                return Chosen{.actions = values.argmax(1), .values = values.amax(1)};
+            }
+            return Chosen{.actions = in_equal_batches(observations, [&policy](const torch::Tensor& batch) {
+                              return policy.act(batch);
+                          })};
+        };
+    }
+    return [policy, seed, generators = std::map<std::int64_t, at::Generator>()](
+               const torch::Tensor& observations, std::span<const std::int64_t> games) mutable {
+        std::vector<torch::Tensor> actions;
+        for (std::int64_t row = 0; row < observations.size(0); ++row) {
+            const std::int64_t game = games[static_cast<std::size_t>(row)];
+            auto generator = generators.find(game);
+            if (generator == generators.end()) {
+                const auto own = derive_seed(seed, "evaluation sample", game);
+                generator = generators.emplace(game, at::detail::createCPUGenerator(own)).first;
+            }
+            actions.push_back(policy.act(observations.narrow(0, row, 1), Choice::sampled, generator->second));
+        }
+        return Chosen{.actions = torch::cat(actions)};
+    };
+}
+
+}  // namespace cale

@@ -1,0 +1,192 @@
+#include "evaluate/run_evaluations.h"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "storage/checksum.h"
+#include "storage/files.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kProtocol = "protocol.json";
+
+bool is_digit(char c) {
+    return c >= '0' && c <= '9';
+}
+
+/// "seed 9" before "seed 10".
+bool comes_before(std::string_view a, std::string_view b) {
+    while (!a.empty() && !b.empty()) {
+        const auto digits = [](std::string_view text) {
+            return static_cast<std::size_t>(std::ranges::find_if_not(text, is_digit) - text.begin());
+        };
+        const auto in_a = digits(a), in_b = digits(b);
+        if (in_a > 0 && in_b > 0) {
+            auto number_a = a.substr(0, in_a), number_b = b.substr(0, in_b);
+            number_a.remove_prefix(std::min(number_a.find_first_not_of('0'), in_a));
+            number_b.remove_prefix(std::min(number_b.find_first_not_of('0'), in_b));
+            if (number_a != number_b)
+                return std::pair(number_a.size(), number_a) < std::pair(number_b.size(), number_b);
+            a.remove_prefix(in_a);
+            b.remove_prefix(in_b);
+        } else {
+            if (a.front() != b.front()) return a.front() < b.front();
+            a.remove_prefix(1);
+            b.remove_prefix(1);
+        }
+    }
+    return a.size() < b.size();
+}
+
+bool is_run(const fs::path& folder) {
+    std::error_code ignored;
+    return fs::exists(folder / "config.yaml", ignored) &&
+           (fs::exists(folder / "episodes.csv", ignored) || fs::exists(folder / "checkpoints", ignored));
+}
+
+void collect(const fs::path& folder, std::vector<fs::path>& runs) {
+    for (const auto& entry : fs::directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
+        if (!entry.is_directory()) continue;
+        if (is_run(entry.path())) {
+            runs.push_back(entry.path());
+        } else if (!entry.is_symlink()) {
+            collect(entry.path(), runs);
+        }
+    }
+}
+
+std::string json_of(const EvaluationProtocol& protocol) {
+    const auto limit = [](std::int64_t number) {
+        return number == std::numeric_limits<std::int64_t>::max() ? nlohmann::ordered_json()
+                                                                  : nlohmann::ordered_json(number);
+    };
+    const auto noop_max = protocol.noop_max ? nlohmann::ordered_json(*protocol.noop_max) : nullptr;
+    return nlohmann::ordered_json{{"protocol", protocol.name},      {"games", limit(protocol.games)},
+                                  {"steps", limit(protocol.steps)}, {"epsilon", protocol.epsilon},
+                                  {"noop_max", noop_max},           {"seed", protocol.seed},
+                                  {"choice", protocol.choice},      {"settings", protocol.settings}}
+               .dump(2) +
+           "\n";
+}
+
+std::string line_of(std::int64_t number, const EvaluatedGame& game) {
+    nlohmann::ordered_json rewards = nlohmann::ordered_json::array();
+    for (const auto& [reward, count] : game.rewards) rewards.push_back({reward, count});
+    return nlohmann::ordered_json{{"game", number},        {"return", game.episode_return},
+                                  {"length", game.length}, {"frames", game.frames},
+                                  {"events", game.events}, {"rewards", rewards}}
+               .dump() +
+           "\n";
+}
+
+/// Throws nlohmann::json::exception for another text.
+std::pair<std::int64_t, EvaluatedGame> game_of(std::string_view line) {
+    const auto json = nlohmann::json::parse(line);
+    EvaluatedGame game{.episode_return = json.at("return"),
+                       .length = json.at("length"),
+                       .frames = json.at("frames"),
+                       .events = json.at("events")};
+    for (const auto& reward : json.at("rewards")) game.rewards[reward.at(0).get<float>()] = reward.at(1);
+    return {json.at("game").get<std::int64_t>(), game};
+}
+
+}  // namespace
+
+std::vector<fs::path> run_folders(const fs::path& folder) {
+    std::vector<fs::path> runs;
+    collect(folder, runs);
+    std::ranges::sort(
+        runs, [](const fs::path& a, const fs::path& b) { return comes_before(a.native(), b.native()); });
+    return runs;
+}
+
+fs::path evaluations_folder(const fs::path& run, const EvaluationProtocol& protocol) {
+    return run / "evaluations" / fmt::format("{}-{:08x}", protocol.name, crc32c(json_of(protocol)));
+}
+
+void make_evaluations_folder(const fs::path& folder, const EvaluationProtocol& protocol) {
+    const auto file = folder / kProtocol;
+    const auto text = json_of(protocol);
+    if (!fs::exists(file)) {
+        fs::create_directories(folder);
+        write_file_atomically(file, text);
+    } else if (read_file(file) != text) {
+        throw std::runtime_error(
+            fmt::format("{} is not what its folder is named after: it was changed, or is damaged; move the "
+                        "folder away, and its games are played again",
+                        file.string()));
+    }
+}
+
+std::string evaluation_name(std::int64_t agent_steps) {
+    return fmt::format("step_{:09}", agent_steps);
+}
+
+std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::int64_t agent_steps) {
+    const auto name = evaluation_name(agent_steps);
+    const auto file = folder / (name + ".json");
+    if (!fs::exists(file) || !fs::exists(folder / (name + ".csv"))) return std::nullopt;
+    try {
+        const auto json = nlohmann::json::parse(read_file(file));
+        EvaluationResult result{.agent_steps = agent_steps,
+                                .games = json.at("games"),
+                                .mean = json.at("mean"),
+                                .standard_deviation = json.at("standard_deviation"),
+                                .median = json.at("median")};
+        if (json.at("human_normalised").is_number()) result.human_normalised = json.at("human_normalised");
+        return result;
+    } catch (const nlohmann::json::exception&) {
+        return std::nullopt;  // damaged: it is played again
+    }
+}
+
+PlayedGames::PlayedGames(const fs::path& file)
+    : file_([&] {
+          if (!fs::exists(file)) return AppendFile(file);
+          const std::string text = read_file(file);
+          std::size_t good = 0;
+          try {
+              for (auto end = text.find('\n'); end != text.npos; end = text.find('\n', good)) {
+                  known_.insert(game_of(std::string_view(text).substr(good, end - good)));
+                  good = end + 1;
+              }
+          } catch (const nlohmann::json::exception&) {
+              // Damaged: this game and those after it are played again.
+          }
+          return AppendFile(file, static_cast<std::int64_t>(good));
+      }()) {}
+
+void PlayedGames::write(std::int64_t number, const EvaluatedGame& game) {
+    file_.write(line_of(number, game));
+}
+
+std::string evaluation_table(const std::vector<EvaluationRow>& rows) {
+    std::size_t widest = 3;
+    for (const auto& row : rows) widest = std::max(widest, row.run.size());
+    std::string text = fmt::format("{:<{}}  {:>11}  {:>5}  {:>10}  {:>9}  {:>10}  {:>16}\n", "run", widest,
+                                   "agent steps", "games", "mean", "std", "median", "human-normalised");
+    for (const auto& [run, result, failure] : rows) {
+        text += fmt::format("{:<{}}  ", run, widest);
+        if (!result) {
+            text += fmt::format("none: {}\n", failure);
+            continue;
+        }
+        text +=
+            fmt::format("{:>11}  {:>5}  {:>10.2f}  {:>9.2f}  {:>10.2f}  {:>16}\n", result->agent_steps,
+                        result->games, result->mean, result->standard_deviation, result->median,
+                        result->human_normalised ? fmt::format("{:.4f}", *result->human_normalised) : "-");
+    }
+    return text;
+}
+
+}  // namespace cale

@@ -1,0 +1,204 @@
+#include "policy/cale_policy.h"
+
+#include <exception>
+#include <memory>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+#include "policy/observer.h"
+#include "policy/policy_lite.h"
+
+struct cale_policy {
+    cale::lite::Policy policy;
+};
+
+struct cale_session {
+    cale_session(const cale::lite::Policy& policy_, int screen_height, std::uint64_t seed)
+        : policy(policy_),
+          workspace(policy.workspace()),
+          random(seed),
+          observer(policy.info(), screen_height) {}
+
+    cale::lite::Policy policy;  // shares the weights
+    cale::lite::Workspace workspace;
+    std::mt19937_64 random;
+    cale::Observer observer;
+};
+
+namespace {
+
+std::string& last_error() {
+    thread_local std::string error;
+    return error;
+}
+
+/// What `action` returns, or `failure` where it throws. Nothing gets past.
+template <class Result, class Action>
+Result guarded(Result failure, Action&& action) noexcept {
+    try {
+        return action();
+    } catch (const std::exception& error) {
+        try {
+            last_error() = error.what();
+        } catch (...) {
+            last_error().clear();  // no memory for a sentence
+        }
+        return failure;
+    }
+}
+
+void require(const void* pointer, const char* what) {
+    if (pointer == nullptr) throw std::invalid_argument(std::string(what) + " is NULL");
+}
+
+cale::Choice choice_of(int choice) {
+    switch (choice) {
+        case CALE_GREEDY:
+            return cale::Choice::greedy;
+        case CALE_SAMPLED:
+            return cale::Choice::sampled;
+        case CALE_AS_EVALUATED:
+            return cale::Choice::as_evaluated;
+        default:
+            throw std::invalid_argument("there is no choice " + std::to_string(choice) +
+                                        ": CALE_GREEDY, CALE_SAMPLED and CALE_AS_EVALUATED are 0 to 2");
+    }
+}
+
+cale_decision plain(const cale::Decision& decision) {
+    return {decision.stick.radius,
+            decision.stick.theta,
+            decision.stick.fire,
+            static_cast<std::int32_t>(decision.action),
+            static_cast<std::int32_t>(decision.event),
+            decision.strength};
+}
+
+int decide(cale_session* session, std::span<const std::uint8_t> observation, int choice,
+           cale_decision* decision) {
+    *decision =
+        plain(session->policy.act(observation, session->workspace, choice_of(choice), session->random));
+    return 1;
+}
+
+/// Calls show(screen) with the caller's screen.
+template <class Show>
+int shown(cale_session* session, const std::uint8_t* screen, std::size_t size, Show&& show) noexcept {
+    return guarded(0, [&] {
+        require(session, "the session");
+        require(screen, "the screen");
+        show(std::span(screen, size));
+        return 1;
+    });
+}
+
+}  // namespace
+
+int cale_policy_version(void) {
+    return CALE_POLICY_VERSION;
+}
+
+cale_policy* cale_policy_load(const char* path) {
+    return guarded<cale_policy*>(nullptr, [&] {
+        require(path, "the path");
+        return new cale_policy{cale::lite::Policy::load(path)};
+    });
+}
+
+cale_policy* cale_policy_parse(const void* contents, size_t size) {
+    return guarded<cale_policy*>(nullptr, [&] {
+        require(contents, "the policy's contents");
+        return new cale_policy{cale::lite::Policy::parse({static_cast<const char*>(contents), size})};
+    });
+}
+
+void cale_policy_free(cale_policy* policy) {
+    delete policy;
+}
+
+int cale_policy_get_info(const cale_policy* policy, cale_policy_info* info) {
+    return guarded(0, [&] {
+        require(policy, "the policy");
+        require(info, "the place for the information");
+        const auto& from = policy->policy.info();
+        const auto number = [](std::int64_t value) { return static_cast<std::int32_t>(value); };
+        *info = {number(from.num_actions()),
+                 number(from.stack),
+                 number(from.frame_height),
+                 number(from.frame_width),
+                 number(from.frame_skip),
+                 number(from.life_loss_ends_episode),
+                 from.threshold,
+                 from.epsilon};
+        return 1;
+    });
+}
+
+const char* cale_policy_text(const cale_policy* policy, const char* name) {
+    return guarded<const char*>(nullptr, [&]() -> const char* {
+        require(policy, "the policy");
+        require(name, "the name");
+        const auto& info = policy->policy.info();
+        const std::string_view wanted = name;
+        if (wanted == "game") return info.game.c_str();
+        if (wanted == "agent") return info.agent.c_str();
+        if (wanted == "encoder") return info.encoder.c_str();
+        if (wanted == "action_space") return info.action_space.c_str();
+        const auto found = info.provenance.find(name);
+        return found == info.provenance.end() ? nullptr : found->second.c_str();
+    });
+}
+
+cale_session* cale_session_new(const cale_policy* policy, int32_t screen_height, uint64_t seed) {
+    return guarded<cale_session*>(nullptr, [&] {
+        require(policy, "the policy");
+        return std::make_unique<cale_session>(policy->policy, screen_height, seed).release();
+    });
+}
+
+void cale_session_free(cale_session* session) {
+    delete session;
+}
+
+int cale_session_start(cale_session* session, const uint8_t* screen, size_t size) {
+    return shown(session, screen, size, [&](auto pixels) { session->observer.start(pixels); });
+}
+
+int cale_session_see(cale_session* session, const uint8_t* screen, size_t size) {
+    return shown(session, screen, size, [&](auto pixels) { session->observer.see(pixels); });
+}
+
+int cale_session_lose_life(cale_session* session) {
+    return guarded(0, [&] {
+        require(session, "the session");
+        session->observer.lose_life();
+        return 1;
+    });
+}
+
+int cale_session_due(const cale_session* session) {
+    return session != nullptr && session->observer.due() ? 1 : 0;
+}
+
+int cale_session_act(cale_session* session, int choice, cale_decision* result) {
+    return guarded(0, [&] {
+        require(session, "the session");
+        require(result, "the place for the decision");
+        return decide(session, session->observer.observation(), choice, result);
+    });
+}
+
+int cale_session_act_on(cale_session* session, const uint8_t* observation, size_t size, int choice,
+                        cale_decision* result) {
+    return guarded(0, [&] {
+        require(session, "the session");
+        require(observation, "the observation");
+        require(result, "the place for the decision");
+        return decide(session, {observation, size}, choice, result);
+    });
+}
+
+const char* cale_policy_error(void) {
+    return last_error().c_str();
+}

@@ -1,0 +1,85 @@
+#include "policy/observer.h"
+
+#include <array>
+#include <stdexcept>
+#include <string>
+
+namespace cale {
+namespace {
+
+std::array<std::uint8_t, 256> every_gray() {
+    std::array<std::uint8_t, 256> gray{};
+    for (std::size_t i = 0; i < gray.size(); ++i) gray[i] = static_cast<std::uint8_t>(i);
+    return gray;
+}
+
+void require_frames(const PolicyInfo& info) {
+    if (info.frame_height == kFrameHeight && info.frame_width == kFrameWidth) return;
+    throw std::invalid_argument("this policy reads frames of " + std::to_string(info.frame_height) + "x" +
+                                std::to_string(info.frame_width) +
+                                "; an Observer makes frames of 84x84: make the observations yourself");
+}
+
+}  // namespace
+
+std::uint8_t luminance(std::uint8_t red, std::uint8_t green, std::uint8_t blue) {
+    return static_cast<std::uint8_t>((2989 * red + 5870 * green + 1140 * blue + 5000) / 10'000);
+}
+
+Observer::Observer(const PolicyInfo& info, int screen_height)
+    : frame_skip_((require_frames(info), info.frame_skip)),
+      life_loss_ends_episode_(info.life_loss_ends_episode),
+      pipeline_(screen_height, every_gray()),
+      stack_(1, static_cast<std::size_t>(info.stack)),
+      gray_(static_cast<std::size_t>(screen_height) * kScreenWidth),
+      frame_(kFrameSize) {}
+
+void Observer::start(std::span<const std::uint8_t> screen) {
+    require_size(screen);
+    pipeline_.start(gray(screen));
+    stack_.clear(0);
+    complete_step();
+}
+
+void Observer::see(std::span<const std::uint8_t> screen) {
+    require_size(screen);
+    if (frames_left_ == 0) frames_left_ = frame_skip_;
+    --frames_left_;
+    // The last two screens of a step count; the only one of a step of one frame is the first.
+    if (frames_left_ == 0 && frame_skip_ > 1) {
+        pipeline_.set_second(gray(screen));
+    } else if (frames_left_ <= 1) {
+        pipeline_.set_first(gray(screen));
+    }
+    if (frames_left_ == 0) complete_step();
+}
+
+void Observer::lose_life() {
+    if (!life_loss_ends_episode_) return;
+    stack_.clear(0);
+    complete_step();
+}
+
+void Observer::require_size(std::span<const std::uint8_t> screen) const {
+    const auto pixels = gray_.size();
+    if (screen.size() == pixels || screen.size() == 3 * pixels) return;
+    throw std::invalid_argument("a screen has " + std::to_string(screen.size()) + " bytes: it must have " +
+                                std::to_string(pixels) + " (gray) or " + std::to_string(3 * pixels) +
+                                " (RGB)");
+}
+
+std::span<const std::uint8_t> Observer::gray(std::span<const std::uint8_t> screen) {
+    if (screen.size() == gray_.size()) return screen;
+    for (std::size_t i = 0; i < gray_.size(); ++i)
+        gray_[i] = luminance(screen[3 * i], screen[3 * i + 1], screen[3 * i + 2]);
+    return gray_;
+}
+
+/// The screens become a frame; a decision is due.
+void Observer::complete_step() {
+    pipeline_.write(frame_);
+    stack_.push(0, frame_);
+    frames_left_ = 0;
+}
+
+}  // namespace cale

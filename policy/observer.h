@@ -1,0 +1,65 @@
+// From a game's screens to what a policy sees of them, exactly as in training.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "cale/frames.h"
+#include "policy/policy_info.h"
+
+namespace cale {
+
+/// One game, watched. The program calls start() with its first screen and see() with the screen after every
+/// emulated frame; whenever due() says so, observation() is what the next action is chosen on.
+///
+///     Observer observer(policy.info(), 210);
+///     observer.start(game.screen());
+///     while (!game.over()) {
+///         const auto decision = policy.act(observer.observation(), ...);
+///         do {
+///             game.press(decision.event);
+///             observer.see(game.screen());
+///         } while (!observer.due() && !game.over());
+///     }
+///
+/// Screens have 160 columns, and 210 rows in nearly all games. They are either gray, a byte per pixel as
+/// ALE's getScreenGrayscale gives it, or RGB, three bytes per pixel. Nothing is allocated after construction.
+class Observer {
+  public:
+    /// Throws std::invalid_argument where frames are not 84x84 or there are fewer rows than that.
+    explicit Observer(const PolicyInfo& info, int screen_height = 210);
+
+    /// A game has begun. Throws std::invalid_argument for a screen of another size.
+    void start(std::span<const std::uint8_t> screen);
+    /// One more emulated frame; the first after a decision was due begins the next step. Throws as start()
+    /// does.
+    void see(std::span<const std::uint8_t> screen);
+    /// A life was lost with the frame that was seen last. Where that ends an episode
+    /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of the newest frame
+    /// only.
+    void lose_life();
+
+    /// Whether a decision is due: at the start, then after every frame_skip frames.
+    bool due() const { return frames_left_ == 0; }
+    /// [stack, 84, 84], as of the newest decision that was due.
+    std::span<const std::uint8_t> observation() const { return stack_.data(); }
+
+  private:
+    void require_size(std::span<const std::uint8_t> screen) const;
+    std::span<const std::uint8_t> gray(std::span<const std::uint8_t> screen);
+    void complete_step();
+
+    std::int64_t frame_skip_;
+    bool life_loss_ends_episode_;
+    FramePipeline pipeline_;
+    FrameStack stack_;
+    std::vector<std::uint8_t> gray_;   // an RGB screen in gray
+    std::vector<std::uint8_t> frame_;  // 84 x 84
+    std::int64_t frames_left_ = 0;     // until the next decision
+};
+
+/// The luminance that ALE gives a colour: 0.2989 R + 0.587 G + 0.114 B, rounded.
+std::uint8_t luminance(std::uint8_t red, std::uint8_t green, std::uint8_t blue);
+
+}  // namespace cale

@@ -1,0 +1,15 @@
+// A policy as an ONNX model, for the runtimes that read those.
+#pragma once
+
+#include <string>
+
+#include "policy/policy_file.h"
+
+namespace cale {
+
+/// The bytes of the model (ONNX IR 8, operators of version 17). Input "observation" [N, stack, H, W] uint8;
+/// outputs "action", the greedy one: [N, 3] float32 or [N] int64, and "output" [N, output_size] float32 as
+/// Policy::output. The policy's metadata are the model's.
+std::string onnx_model(const PolicyFile& policy);
+
+}  // namespace cale

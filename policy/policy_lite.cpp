@@ -1,0 +1,136 @@
+#include "policy/policy_lite.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "policy/kernels.h"
+#include "policy/program.h"
+
+namespace cale::lite {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+/// The joystick for u, each coordinate any number: the middle of its interval is at 0.
+ContinuousAction squashed(const std::array<float, 3>& u) {
+    return {0.5f + 0.5f * std::tanh(u[0]), kPi * std::tanh(u[1]), 0.5f + 0.5f * std::tanh(u[2])};
+}
+
+float uniform(std::mt19937_64& random) {
+    return static_cast<float>(random() >> 40) * 0x1p-24f;  // [0, 1)
+}
+
+Decision greedy(const PolicyInfo& info, std::span<const float> output) {
+    if (info.actions.empty()) return decision(info, squashed({output[0], output[1], output[2]}));
+    return decision(info, std::max_element(output.begin(), output.end()) - output.begin());
+}
+
+Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt19937_64& random) {
+    if (info.actions.empty()) {
+        std::normal_distribution<float> normal;
+        std::array<float, 3> u{};
+        for (std::size_t i = 0; i < u.size(); ++i)
+            u[i] = output[i] + std::exp(output[3 + i]) * normal(random);
+        return decision(info, squashed(u));
+    }
+    double left = uniform(random);
+    std::int64_t action = 0;
+    for (; action + 1 < info.num_actions(); ++action) {
+        left -= std::exp(static_cast<double>(output[static_cast<std::size_t>(action)]));
+        if (left < 0) break;
+    }
+    return decision(info, action);
+}
+
+Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
+    if (info.actions.empty()) {
+        const float radius = uniform(random), theta = kPi * (2 * uniform(random) - 1);
+        return decision(info, ContinuousAction{radius, theta, uniform(random)});
+    }
+    return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
+}
+
+}  // namespace
+
+Policy Policy::load(const std::filesystem::path& file) {
+    return parse(read_whole_file(file), file.string());
+}
+
+Policy Policy::parse(std::string_view contents, const std::string& name) {
+    try {
+        const auto file = parse_policy_file(contents);
+        Policy policy(std::make_shared<const Program>(file));
+        auto workspace = policy.workspace();
+        check_golden(policy.output(file.golden.observation, workspace), file.golden.output, kGoldenTolerance);
+        return policy;
+    } catch (const FileDamage& damage) {
+        throw std::runtime_error("'" + name + "' cannot be used: " + damage.what());
+    }
+}
+
+const PolicyInfo& Policy::info() const {
+    return program_->info;
+}
+
+std::size_t Policy::output_size() const {
+    return static_cast<std::size_t>(cale::output_size(program_->network));
+}
+
+Workspace Policy::workspace() const {
+    Workspace workspace;
+    workspace.program_ = program_.get();
+    workspace.numbers_.resize(program_->memory_size);
+    return workspace;
+}
+
+std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
+    if (workspace.program_ != program_.get())
+        throw std::invalid_argument("this workspace was made by another policy");
+    if (observation.size() != info().observation_size()) {
+        throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
+                                    " bytes: it must have " + std::to_string(info().observation_size()));
+    }
+    return program_->run(observation, workspace.numbers_);
+}
+
+Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace) const {
+    return greedy(info(), output(observation, workspace));
+}
+
+Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
+                     std::mt19937_64& random) const {
+    const auto numbers = output(observation, workspace);
+    const bool evaluated = choice == Choice::as_evaluated;
+    if (evaluated && info().epsilon > 0 && static_cast<double>(uniform(random)) <= info().epsilon)
+        return uniform_decision(info(), random);
+    const bool samples = choice == Choice::sampled || (evaluated && info().evaluation_samples);
+    // Action values are no distribution.
+    const bool has_distribution = program_->network.head != PolicyNetwork::Head::values;
+    return samples && has_distribution ? sampled(info(), numbers, random) : greedy(info(), numbers);
+}
+
+void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
+                 Workspace& workspace) const {
+    std::mt19937_64 unused;
+    act(observations, decisions, workspace, Choice::greedy, unused);
+}
+
+void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
+                 Workspace& workspace, Choice choice, std::mt19937_64& random) const {
+    const auto size = info().observation_size();
+    if (observations.size() != decisions.size() * size) {
+        throw std::invalid_argument(std::to_string(decisions.size()) + " observations have " +
+                                    std::to_string(decisions.size() * size) + " bytes, not " +
+                                    std::to_string(observations.size()));
+    }
+    for (std::size_t i = 0; i < decisions.size(); ++i)
+        decisions[i] = act(observations.subspan(i * size, size), workspace, choice, random);
+}
+
+std::string_view instruction_set() {
+    return kernels().name;
+}
+
+}  // namespace cale::lite

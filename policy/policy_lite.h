@@ -1,0 +1,82 @@
+// A trained policy without LibTorch: a few hundred kilobytes of code, no dependency but the C++ standard
+// library.
+//
+//     const auto policy = cale::lite::Policy::load("pong.safetensors");
+//     auto workspace = policy.workspace();
+//     const cale::Decision decision = policy.act(observation, workspace);
+//
+// cale/policy.h has the same with LibTorch. The numbers of both agree within 1e-4 of the largest of them
+// (both round their sums in their own order), so the actions do wherever two actions are not that close to
+// equal.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <random>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "policy/aligned.h"
+#include "policy/policy_info.h"
+
+namespace cale::lite {
+
+struct Program;  // the network as this library computes it
+
+/// Memory for the numbers inside a network, one per thread. Made by Policy::workspace(), for that policy.
+class Workspace {
+  private:
+    friend class Policy;
+    const Program* program_ = nullptr;
+    Floats numbers_;
+};
+
+/// Loaded once and never changed: any number of threads may act with it, each with a workspace of its own.
+/// A copy shares the weights.
+class Policy {
+  public:
+    /// Reads a policy file (docs/policy_file.md) and checks all of it, to the golden output that its network
+    /// must give for its golden input. Nothing in a file is executed: a stranger's may be opened. Throws
+    /// std::runtime_error, one sentence with the file's name and what is wrong with it.
+    static Policy load(const std::filesystem::path& file);
+    /// The same for the contents of a file; `name` is what errors call it.
+    static Policy parse(std::string_view contents, const std::string& name = "policy");
+
+    const PolicyInfo& info() const;  // all but the weights
+    /// Numbers that the network gives for an observation: 6 for the continuous joystick (the means of the
+    /// Gaussian before the tanh, then the logarithms of its standard deviations), else one per action:
+    /// log-probabilities, or action values.
+    std::size_t output_size() const;
+
+    /// Memory for one thread that acts with this policy.
+    Workspace workspace() const;
+
+    /// The greedy decision on an observation [stack, frame_height, frame_width]. Allocates nothing.
+    /// Throws std::invalid_argument for another number of bytes or another policy's workspace.
+    Decision act(std::span<const std::uint8_t> observation, Workspace& workspace) const;
+    /// The same by `choice`, with the caller's generator.
+    Decision act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
+                 std::mt19937_64& random) const;
+    /// For N observations, one after another, N decisions.
+    void act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
+             Workspace& workspace) const;
+    /// The same by `choice`.
+    void act(std::span<const std::uint8_t> observations, std::span<Decision> decisions, Workspace& workspace,
+             Choice choice, std::mt19937_64& random) const;
+
+    /// The network's output for one observation; valid until the workspace is used again.
+    std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
+
+  private:
+    explicit Policy(std::shared_ptr<const Program> program) : program_(std::move(program)) {}
+    std::shared_ptr<const Program> program_;
+};
+
+/// The instruction set that this library computes with on this machine: "avx512", "avx2" or "portable".
+std::string_view instruction_set();
+
+}  // namespace cale::lite

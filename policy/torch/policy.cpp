@@ -1,0 +1,153 @@
+#include "policy/torch/policy.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include "networks/heads.h"
+#include "policy/policy_file.h"
+#include "policy/torch/actor_network.h"
+
+namespace cale {
+namespace {
+
+/// CUDA multiplies in TF32 where it may.
+constexpr double kCudaGoldenTolerance = 1e-2;
+
+ActionBox joystick_box_on(torch::Device device) {
+    auto box = joystick_box();
+    box.centre = box.centre.to(device);
+    box.half_width = box.half_width.to(device);
+    return box;
+}
+
+/// A view of bytes that nobody writes through: LibTorch knows no constant tensors.
+torch::Tensor view_of(std::span<const std::uint8_t> observation, const PolicyInfo& info) {
+    if (observation.size() != info.observation_size()) {
+        throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
+                                    " bytes: it must have " + std::to_string(info.observation_size()));
+    }
+    return torch::from_blob(const_cast<std::uint8_t*>(observation.data()),
+                            {1, info.stack, info.frame_height, info.frame_width}, torch::kUInt8);
+}
+
+}  // namespace
+
+struct Policy::Impl {
+    Impl(const PolicyFile& file, torch::Device device_)
+        : info(file.info),
+          head(file.network.head),
+          device(device_),
+          network(file.network, file.weights, device),
+          box(joystick_box_on(device)) {}
+
+    torch::Tensor output(const torch::Tensor& observations) const {
+        return network.output(observations.to(device));
+    }
+
+    torch::Tensor greedy(const torch::Tensor& output) const {
+        if (!info.actions.empty()) return output.argmax(1).cpu();
+        return mean_action(squashed_gaussian(output), box).cpu();
+    }
+
+    torch::Tensor sampled(const torch::Tensor& output, at::Generator& random) const {
+        if (!info.actions.empty()) return output.exp().cpu().multinomial(1, true, random).squeeze(1);
+        const auto noise = torch::randn({output.size(0), kStickSize}, random).to(device);
+        return sample(squashed_gaussian(output), noise, box).action.cpu();
+    }
+
+    /// Replaces each action by a uniform one with probability info.epsilon.
+    torch::Tensor epsilon_greedy(const torch::Tensor& actions, at::Generator& random) const {
+        const auto count = actions.size(0);
+        if (!info.actions.empty()) {
+            const auto chosen = torch::rand({count}, random) <= info.epsilon;
+            return torch::where(chosen, torch::randint(0, info.num_actions(), {count}, random, torch::kInt64),
+                                actions);
+        }
+        const auto chosen = torch::rand({count, 1}, random) <= info.epsilon;
+        const auto uniform =
+            box.centre.cpu() + box.half_width.cpu() * (2 * torch::rand({count, kStickSize}, random) - 1);
+        return torch::where(chosen, uniform, actions);
+    }
+
+    PolicyInfo info;
+    PolicyNetwork::Head head;
+    torch::Device device;
+    ActorNetwork network;
+    ActionBox box;
+};
+
+Policy Policy::load(const std::filesystem::path& file, torch::Device device) {
+    return parse(read_whole_file(file), file.string(), device);
+}
+
+Policy Policy::parse(std::string_view contents, const std::string& name, torch::Device device) {
+    try {
+        const auto file = parse_policy_file(contents);
+        Policy policy;
+        policy.impl_ = std::make_shared<const Impl>(file, device);
+        const auto output = policy.output(view_of(file.golden.observation, file.info)).contiguous();
+        check_golden({output.const_data_ptr<float>(), static_cast<std::size_t>(output.numel())},
+                     file.golden.output, device.is_cpu() ? kGoldenTolerance : kCudaGoldenTolerance);
+        return policy;
+    } catch (const FileDamage& damage) {
+        throw std::runtime_error("'" + name + "' cannot be used: " + damage.what());
+    }
+}
+
+const PolicyInfo& Policy::info() const {
+    return impl_->info;
+}
+
+torch::Device Policy::device() const {
+    return impl_->device;
+}
+
+torch::Tensor Policy::output(const torch::Tensor& observations) const {
+    const torch::NoGradGuard no_grad;
+    return impl_->output(observations).cpu();
+}
+
+bool Policy::gives_action_values() const {
+    return impl_->head == PolicyNetwork::Head::values;
+}
+
+torch::Tensor Policy::act(const torch::Tensor& observations) const {
+    const torch::NoGradGuard no_grad;
+    return impl_->greedy(impl_->output(observations));
+}
+
+torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::Generator random) const {
+    const torch::NoGradGuard no_grad;
+    const auto output = impl_->output(observations);
+    const bool evaluated = choice == Choice::as_evaluated;
+    const bool samples = choice == Choice::sampled || (evaluated && impl_->info.evaluation_samples);
+    // Action values are no distribution.
+    const bool has_distribution = impl_->head != PolicyNetwork::Head::values;
+    const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
+    return evaluated && impl_->info.epsilon > 0 ? impl_->epsilon_greedy(actions, random) : actions;
+}
+
+namespace {
+
+/// One action [1, 3] or [1] as a decision.
+Decision decision_of(const PolicyInfo& info, const torch::Tensor& action) {
+    if (!info.actions.empty()) return decision(info, action.item<std::int64_t>());
+    const auto stick = action.contiguous();
+    const float* const numbers = stick.const_data_ptr<float>();
+    return decision(info, ContinuousAction{numbers[0], numbers[1], numbers[2]});
+}
+
+}  // namespace
+
+Decision Policy::act(std::span<const std::uint8_t> observation) const {
+    return decision_of(info(), act(view_of(observation, info())));
+}
+
+Decision Policy::act(std::span<const std::uint8_t> observation, Choice choice, at::Generator random) const {
+    return decision_of(info(), act(view_of(observation, info()), choice, std::move(random)));
+}
+
+}  // namespace cale

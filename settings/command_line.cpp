@@ -1,0 +1,316 @@
+#include "settings/command_line.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cale/text.h"
+#include "settings/agent_of_config.h"
+#include "settings/versions.h"
+#include "storage/files.h"
+#include "terminal/columns.h"
+
+namespace cale {
+namespace {
+
+constexpr TrainOption kOptions[] = {
+    {"--config", "FILE.yaml", "read settings from this YAML file"},
+    {"--set", "KEY=VALUE", "change one setting; plain KEY=VALUE does the same"},
+    {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5", "env.game"},
+    {"--total-timesteps", "N", "agent steps to train for", "train.total_steps"},
+    {"--num-envs", "N", "environments that step together", "env.num_envs"},
+    {"--seed", "N", "everything random follows from it", "train.seed"},
+    {"--run-dir", "DIR", "folder for everything that the run writes"},
+    {"--resume", "", "continue the run in --run-dir from its newest good checkpoint"},
+    {"--accept-changes", "", "with --resume: go on although settings of the agent or the training differ"},
+    {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
+    {"--threads", "N",
+     "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
+    {"--no-progress", "", "no progress bar"},
+    {"--print-config", "", "check the settings, print all of them as YAML, and leave"},
+    {"--or", "",
+     "with --print-config: print another document, for which the plain KEY=VALUE after this count, and not "
+     "those before"},
+    {"--version", "", "print the versions, and leave"},
+    {"--help", "", "print this text, and leave"},
+};
+
+bool is_offered(const TrainOption& option, const ConfigTable& table) {
+    return option.key.empty() || table.has(option.key);
+}
+
+// ---- help ---------------------------------------------------------------------------
+
+std::string setting_text(const ConfigEntry& entry) {
+    auto text = entry.type;
+    if (!entry.range_text.empty()) text += ", " + entry.range_text;
+    return text + ", default " + (entry.default_text.empty() ? "empty" : entry.default_text);
+}
+
+// ---- options ------------------------------------------------------------------------
+
+void check_device(const std::string& device) {
+    const bool with_index =
+        device.starts_with("cuda:") && number_in<std::uint64_t>(std::string_view(device).substr(5));
+    if (device != "auto" && device != "cpu" && device != "cuda" && !with_index) {
+        throw ConfigError(fmt::format("--device must be auto, cpu, cuda or cuda:<index>, not '{}'", device));
+    }
+}
+
+void check_threads(const std::string& threads) {
+    const auto number = number_in<std::uint64_t>(threads);
+    if (threads != "auto" && !(number && *number >= 1 && *number <= 4096)) {
+        throw ConfigError(
+            fmt::format("--threads must be auto or a number from 1 to 4096, not '{}'", threads));
+    }
+}
+
+std::string unknown_option(std::string_view argument, const ConfigTable& table) {
+    const auto name = argument.substr(0, argument.find('='));
+    std::vector<std::string> names;
+    for (const auto& option : train_options(table)) names.emplace_back(option.name);
+    const auto guess = nearest(name, names);
+    return fmt::format("unknown option '{}'{}", name,
+                       guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess));
+}
+
+/// The options and their arguments, nothing applied yet.
+struct Arguments {
+    CommandLine line;
+    std::vector<std::pair<TrainOption, std::string>> shortcuts;  // options that set a key
+    std::vector<std::vector<std::string>> alternatives;          // to line.overrides: one for every --or
+    bool help = false;
+    bool version = false;
+    bool print_config = false;
+};
+
+Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
+    Arguments arguments;
+    CommandLine& line = arguments.line;
+    bool no_progress = false;
+
+    CLI::App app;
+    app.set_help_flag();
+    app.allow_extras();
+    app.option_defaults()->take_last();  // scripts append options to change earlier ones
+    app.add_option("--config", line.config_file);
+    app.add_option("--set", line.overrides)->allow_extra_args(false)->take_all();
+    app.add_option("--run-dir", line.run_dir);
+    app.add_option("--device", line.device);
+    app.add_option("--threads", line.threads);
+    for (const auto& [name, flag] : {std::pair("--resume", &line.resume),
+                                     {"--accept-changes", &line.accept_changes},
+                                     {"--no-progress", &no_progress},
+                                     {"--print-config", &arguments.print_config},
+                                     {"--version", &arguments.version},
+                                     {"-h,--help", &arguments.help}})
+        app.add_flag(name, *flag)->disable_flag_override();
+    for (const auto& option : kOptions) {
+        if (option.key.empty() || !table.has(option.key)) continue;
+        app.add_option_function<std::string>(std::string(option.name),
+                                             [&arguments, &option](const std::string& value) {
+                                                 arguments.shortcuts.emplace_back(option, value);
+                                             });
+    }
+    for (auto* option : app.get_options()) {
+        option->check([](const std::string& value) {
+            if (value.empty()) return std::string("needs a value that is not empty");
+            return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
+        });
+    }
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ArgumentMismatch& error) {
+        const std::string_view what = error.what();      // "--seed: 1 required TEXT missing"
+        if (what.ends_with("disallowed flag override"))  // "resume was given a disallowed flag override"
+            throw ConfigError(fmt::format("--{} takes no value", what.substr(0, what.find(' '))));
+        throw ConfigError(fmt::format("{} needs a value", what.substr(0, what.find(':'))));
+    } catch (const CLI::ParseError& error) {
+        throw ConfigError(error.what());
+    }
+    line.progress = !no_progress;
+
+    const auto set = line.overrides;  // by --set
+    for (const auto& argument : app.remaining()) {
+        if (argument == "--or") {
+            arguments.alternatives.push_back(set);
+            continue;
+        }
+        if (argument.starts_with("-")) throw ConfigError(unknown_option(argument, table));
+        if (argument.find('=') == std::string::npos) {
+            throw ConfigError(
+                fmt::format("unexpected argument '{}'; settings are given as KEY=VALUE", argument));
+        }
+        auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
+        overrides.push_back(argument);
+    }
+    if (!arguments.alternatives.empty() && !arguments.print_config)
+        throw ConfigError("--or is for --print-config");
+    check_device(line.device);
+    check_threads(line.threads);
+    if (line.resume && line.run_dir.empty()) {
+        throw ConfigError("--resume needs --run-dir DIR, the folder of the run to continue");
+    }
+    if (line.accept_changes && !line.resume) throw ConfigError("--accept-changes is for --resume");
+    return arguments;
+}
+
+/// Another agent's run has settings that this program does not know.
+void check_trained_by(std::string_view program, const std::filesystem::path& run_dir) {
+    const auto file = run_dir / "metadata.json";
+    if (!std::filesystem::exists(file)) return;
+    const auto metadata = nlohmann::json::parse(read_file(file), nullptr, /*allow_exceptions=*/false);
+    if (!metadata.is_object() || !metadata.contains("program") || !metadata["program"].is_string()) return;
+    const auto trained_by = metadata["program"].get<std::string>();
+    if (trained_by == program) return;
+    throw ConfigError(fmt::format("--resume --run-dir {}: this is a run of {}, which goes on with it",
+                                  run_dir.string(), trained_by));
+}
+
+/// Reads the file; where it cannot be, the sentence names the program that it is for.
+void load(ConfigTable& table, const std::filesystem::path& file) {
+    try {
+        table.load(file);
+    } catch (const ConfigError& error) {
+        std::error_code ignored;
+        // What comes out of a pipe has been read.
+        if (!std::filesystem::is_regular_file(file, ignored)) throw;
+        const auto programs = programs_that_take(file);
+        if (programs.empty()) throw;
+        throw ConfigError(
+            fmt::format("{}; this is a configuration of {}", error.what(), fmt::join(programs, " or ")));
+    }
+}
+
+/// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
+void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
+    CommandLine& line = arguments.line;
+    if (line.resume && line.config_file.empty()) {
+        check_trained_by(program, line.run_dir);
+        const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
+        if (std::filesystem::exists(saved)) line.config_file = saved.string();
+    }
+    if (!line.config_file.empty()) load(table, line.config_file);
+    for (const auto& setting : line.overrides) table.set_override(setting);
+    for (const auto& [option, value] : arguments.shortcuts) {
+        try {
+            table.at(option.key).set(value);
+        } catch (const ConfigError& error) {
+            throw ConfigError(fmt::format("{} {}: {}", option.name, value, error.what()));
+        }
+    }
+    table.validate();
+}
+
+/// One YAML document after another: the settings as they are, then those of every alternative. What comes
+/// before one that is wrong has been printed.
+void print_configs(std::string_view program, Arguments& arguments, ConfigTable& table, std::ostream& out) {
+    out << table.to_yaml();
+    for (const auto& alternative : arguments.alternatives) {
+        arguments.line.overrides = alternative;
+        table.reset();
+        apply(program, arguments, table);
+        out << "---\n" << table.to_yaml();
+    }
+}
+
+}  // namespace
+
+c10::Device find_device(const std::string& wish, std::uint64_t gpus, std::optional<std::uint64_t> own_index) {
+    check_device(wish);
+    if (wish == "cpu" || (wish == "auto" && gpus == 0)) return c10::kCPU;
+    if (gpus == 0) {
+        throw ConfigError(
+            fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
+                        "--cuda on a machine with an NVIDIA GPU",
+                        wish));
+    }
+    const auto colon = wish.find(':');
+    const auto index =
+        colon == wish.npos ? own_index : number_in<std::uint64_t>(std::string_view(wish).substr(colon + 1));
+    if (!index) return c10::kCUDA;
+    if (*index >= gpus) {
+        throw ConfigError(fmt::format(
+            "--device {}: cuda:{} is not there; this machine has {}, counted from 0", wish, *index, gpus));
+    }
+    return {c10::kCUDA, static_cast<c10::DeviceIndex>(*index)};
+}
+
+std::string version_text(std::string_view program) {
+    return fmt::format("{} {} (LibTorch {}, ALE {})", program, cale_version(), torch_version(),
+                       ale_version());
+}
+
+std::vector<TrainOption> train_options(const ConfigTable& table) {
+    std::vector<TrainOption> options;
+    for (const auto& option : kOptions) {
+        if (is_offered(option, table)) options.push_back(option);
+    }
+    return options;
+}
+
+std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,
+                      std::size_t width) {
+    constexpr std::size_t column = 28;
+    auto text = wrap(fmt::format("{}: {}", program, description), 0, width);
+    text += fmt::format("\nusage: {} [--config FILE] [KEY=VALUE ...] [options]\n\noptions:\n", program);
+    for (const auto& option : train_options(table)) {
+        const auto help =
+            option.key.empty() ? std::string(option.help) : fmt::format("{} ({})", option.help, option.key);
+        text += two_columns(fmt::format("{} {}", option.name, option.value), help, column, width);
+    }
+    text += '\n';
+    text += wrap("settings, as KEY=VALUE on the command line; in a file as 'name: value' below 'section:'", 0,
+                 width);
+    std::string_view section;
+    for (const auto& entry : table.entries()) {
+        const auto entry_section = std::string_view(entry.key).substr(0, entry.key.find('.'));
+        if (entry_section != section) text += fmt::format("\n{}\n", entry_section);
+        section = entry_section;
+        text +=
+            two_columns(entry.key, fmt::format("{} [{}]", entry.help, setting_text(entry)), column, width);
+    }
+    text += fmt::format(
+        "\nexamples:\n"
+        "  {0} env.game=breakout --seed 1 --run-dir runs/breakout\n"
+        "  {0} --resume --run-dir runs/breakout\n"
+        "  {0} --config FILE.yaml --print-config\n\n",
+        program);
+    return text +
+           wrap("exit codes: 0 done, 1 failed, 2 usage, 3 cannot resume, 130 interrupted after a checkpoint",
+                0, width);
+}
+
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv, std::ostream& out) {
+    Arguments arguments;
+    try {
+        arguments = split(table, argc, argv);
+    } catch (const ConfigError& error) {
+        throw ConfigError(fmt::format("{} (see {} --help)", error.what(), program));
+    }
+    CommandLine& line = arguments.line;
+    line.finished = arguments.help || arguments.version || arguments.print_config;
+    if (arguments.help) {
+        out << help_text(program, description, table, terminal_width());
+    } else if (arguments.version) {
+        out << version_text(program) << '\n';
+    } else {
+        apply(program, arguments, table);
+        if (arguments.print_config) print_configs(program, arguments, table, out);
+    }
+    return line;
+}
+
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv) {
+    return parse_command_line(program, description, table, argc, argv, std::cout);
+}
+
+}  // namespace cale

@@ -1,0 +1,69 @@
+// The command line that all training programs share. Its --help is made from the same
+// table of settings that reads the configuration files.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <iosfwd>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <c10/core/Device.h>
+
+#include "settings/config.h"
+
+namespace cale {
+
+/// An option of the training programs as --help shows it. Those with a `key` are another way to set that key.
+struct TrainOption {
+    std::string_view name;
+    std::string_view value;  // what it takes: FILE.yaml, GAME, N, ...; empty: nothing
+    std::string_view help;
+    std::string_view key = "";
+};
+
+/// The options that a program with these settings has, in the order of its --help.
+std::vector<TrainOption> train_options(const ConfigTable& table);
+
+struct CommandLine {
+    std::string config_file;             // empty: the defaults alone
+    std::vector<std::string> overrides;  // KEY=VALUE as given, in order
+    std::string run_dir;                 // empty: the program chooses one
+    bool resume = false;
+    bool accept_changes = false;   // resume although settings differ
+    std::string device = "auto";   // auto, cpu, cuda or cuda:<index>
+    std::string threads = "auto";  // auto or a number from 1
+    bool progress = true;
+    bool finished = false;  // --help, --version or --print-config has been answered: leave with exit code 0
+};
+
+/// Reads the command line, and through it the configuration file and the overrides into
+/// the table's structs. A later one of these has the last word: the structs' defaults, the
+/// file of --config, --set and KEY=VALUE, and options of their own such as --seed and --num-envs.
+/// --resume without --config takes the config.yaml of the run folder as the file, where there is one.
+/// --help, --version and --print-config are written to `out`. Behind --print-config, A=1 --or A=2 are two
+/// configurations, of which every one is checked and printed, one YAML document after another.
+/// Throws ConfigError, one sentence, for everything that is wrong.
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv, std::ostream& out);
+
+/// The same, writing to the standard output.
+CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
+                               int argc, const char* const* argv);
+
+/// The device that --device asks for: auto (cuda if there is one), cpu, cuda or cuda:<index>, on a machine
+/// with as many GPUs as torch::cuda::device_count() tells. `own_index` is which one is meant by cuda alone;
+/// without it, the current one. Throws ConfigError for another name and for a device that is not there.
+c10::Device find_device(const std::string& wish, std::uint64_t gpus,
+                        std::optional<std::uint64_t> own_index = std::nullopt);
+
+/// "train_sac 0.1.0 (LibTorch 2.11.0, ALE 0.12.1)"
+std::string version_text(std::string_view program);
+
+/// What --help prints, wrapped to `width` columns.
+std::string help_text(std::string_view program, std::string_view description, const ConfigTable& table,
+                      std::size_t width);
+
+}  // namespace cale

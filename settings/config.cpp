@@ -1,0 +1,596 @@
+#include "settings/config.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <sstream>
+#include <system_error>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/eventhandler.h>
+#include <yaml-cpp/yaml.h>
+
+#include "cale/text.h"
+#include "storage/files.h"
+
+namespace cale {
+namespace {
+
+std::string_view section_of(std::string_view key) {
+    return key.substr(0, key.find('.'));
+}
+std::string_view name_of(std::string_view key) {
+    return key.substr(key.find('.') + 1);
+}
+
+std::string did_you_mean(std::string_view text, std::span<const std::string> candidates) {
+    const auto guess = nearest(text, candidates);
+    return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
+}
+
+/// Where the documents of a YAML stream begin.
+struct DocumentStarts : YAML::EventHandler {
+    std::vector<YAML::Mark> marks;
+
+    void OnDocumentStart(const YAML::Mark& mark) override { marks.push_back(mark); }
+    void OnDocumentEnd() override {}
+    void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+    void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                         YAML::EmitterStyle::value) override {}
+    void OnSequenceEnd() override {}
+    void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                    YAML::EmitterStyle::value) override {}
+    void OnMapEnd() override {}
+};
+
+// ---- values -------------------------------------------------------------------------
+
+std::string lower(std::string_view text) {
+    std::string result(text);
+    for (char& c : result) {
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    }
+    return result;
+}
+
+/// 1_000 -> 1000 and +1 -> 1, which std::from_chars does not know.
+std::string plain_number(std::string_view text) {
+    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+    std::string result;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const bool separator =
+            text[i] == '_' && i > 0 && i + 1 < text.size() && is_digit(text[i - 1]) && is_digit(text[i + 1]);
+        const bool plus = i == 0 && text[i] == '+' && text.size() > 1 && text[1] != '-';
+        if (!separator && !plus) result += text[i];
+    }
+    return result;
+}
+
+std::optional<double> parse_number(std::string_view text) {
+    const auto value = number_in<double>(plain_number(text));
+    return value && std::isfinite(*value) ? value : std::nullopt;
+}
+
+std::optional<std::int64_t> parse_integer(std::string_view text) {
+    if (const auto value = number_in<std::int64_t>(plain_number(text))) return value;
+    // 1e6, 2.5e3: exact as long as a double can count.
+    const auto value = parse_number(text);
+    if (!value || *value != std::trunc(*value) || std::abs(*value) > 0x1p53) return std::nullopt;
+    return static_cast<std::int64_t>(*value);
+}
+
+/// Whether it is one, however large.
+bool is_whole_number(std::string_view text) {
+    const auto number = plain_number(text);
+    const auto digits = std::string_view(number).substr(number.starts_with('-') ? 1 : 0);
+    if (!digits.empty() && digits.find_first_not_of("0123456789") == digits.npos) return true;
+    const auto value = parse_number(text);
+    return value && *value == std::trunc(*value);
+}
+
+std::optional<bool> parse_bool(std::string_view text) {
+    const auto word = lower(text);
+    if (word == "true" || word == "yes" || word == "on") return true;
+    if (word == "false" || word == "no" || word == "off") return false;
+    return std::nullopt;
+}
+
+bool is_none(std::string_view text) {
+    const auto word = lower(text);
+    return word == "none" || word == "null" || word == "~";
+}
+
+/// 1000000000000 -> 1e12, where nothing is lost.
+std::string short_number(double value) {
+    auto text = fmt::format("{:.0e}", value);
+    for (const std::string_view exponent : {"e+0", "e+"}) {
+        if (const auto at = text.find(exponent); at != std::string::npos)
+            text.replace(at, exponent.size(), "e");
+    }
+    return std::abs(value) >= 1e6 && parse_number(text) == value ? text : fmt::to_string(value);
+}
+
+std::string range_text(Range range) {
+    const bool low = std::isfinite(range.low);
+    const bool high = std::isfinite(range.high);
+    if (low && high) return fmt::format("{} to {}", short_number(range.low), short_number(range.high));
+    if (low) return "at least " + short_number(range.low);
+    if (high) return "at most " + short_number(range.high);
+    return "";
+}
+
+/// A text as YAML that every reader takes for a text.
+std::string quoted(const std::string& text) {
+    const auto is_plain = [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+               c == '-' || c == '.' || c == '/';
+    };
+    const auto is_start = [&](char c) {
+        return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
+    };
+    const bool is_word = text.size() == 1 || is_none(text) || parse_bool(text).has_value();
+    if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
+        return text;
+    YAML::Emitter emitter;
+    emitter << YAML::DoubleQuoted << text;
+    return emitter.c_str();
+}
+
+/// Reads text into a member of each type; `entry` is for the range and the sentences.
+struct Reader {
+    const ConfigEntry& entry;
+    std::string_view text;
+
+    [[noreturn]] void reject(std::string_view what, std::string_view hint = "") const {
+        throw ConfigError(fmt::format("{} must be {}, not '{}'{}", entry.key, what, text, hint));
+    }
+    /// Of integers, which all fit into 64 bits.
+    std::string range_of_integers() const {
+        constexpr auto kLimits = std::numeric_limits<std::int64_t>();
+        return entry.range_text.empty() ? fmt::format("{} to {}", kLimits.min(), kLimits.max())
+                                        : entry.range_text;
+    }
+    template <class Number>
+    Number checked(std::optional<Number> value, std::string_view what) const {
+        if (!value) reject(what);
+        const auto number = static_cast<double>(*value);
+        if (number < entry.range.low || number > entry.range.high) reject(entry.range_text);
+        return *value;
+    }
+
+    void operator()(std::int64_t* member) const {
+        const auto value = parse_integer(text);
+        if (!value && is_whole_number(text)) reject(range_of_integers());
+        *member = checked(value, "an integer");
+    }
+    void operator()(double* member) const { *member = checked(parse_number(text), "a number"); }
+    void operator()(std::optional<double>* member) const {
+        if (is_none(text)) {
+            member->reset();
+        } else {
+            *member = checked(parse_number(text), "a number or none");
+        }
+    }
+    void operator()(bool* member) const {
+        const auto value = parse_bool(text);
+        if (!value) reject("true or false");
+        *member = *value;
+    }
+    void operator()(std::string* member) const {
+        // Another one would not come back from the run's config.yaml.
+        if (YAML::Load(quoted(std::string(text))).as<std::string>() != text)
+            reject("text that a YAML file can hold, which is UTF-8");
+        *member = text;
+    }
+    void operator()(const EnumMember& member) const {
+        const auto found = std::find(member.names.begin(), member.names.end(), text);
+        if (found == member.names.end()) {
+            const std::vector<std::string> names(member.names.begin(), member.names.end());
+            reject(entry.type, did_you_mean(text, names));
+        }
+        member.set(static_cast<std::size_t>(found - member.names.begin()));
+    }
+};
+
+struct Writer {
+    std::string operator()(const std::int64_t* member) const { return fmt::to_string(*member); }
+    std::string operator()(const double* member) const { return fmt::to_string(*member); }
+    std::string operator()(const std::optional<double>* member) const {
+        return *member ? fmt::to_string(**member) : "none";
+    }
+    std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
+    std::string operator()(const std::string* member) const { return *member; }
+    std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
+};
+
+struct TypeName {
+    std::string operator()(const std::int64_t*) const { return "integer"; }
+    std::string operator()(const double*) const { return "number"; }
+    std::string operator()(const std::optional<double>*) const { return "number or none"; }
+    std::string operator()(const bool*) const { return "true/false"; }
+    std::string operator()(const std::string*) const { return "text"; }
+    std::string operator()(const EnumMember& member) const {
+        return fmt::format("one of {}", fmt::join(member.names, ", "));
+    }
+};
+
+// ---- keys ---------------------------------------------------------------------------
+
+std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
+    std::vector<std::string> keys(entries.size());
+    std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
+    auto guess = nearest(key, keys);
+    if (guess.empty()) {
+        // The right name in the wrong section, or without one.
+        std::vector<std::string> names(keys.size());
+        std::ranges::transform(keys, names.begin(), name_of);
+        const auto name = nearest(name_of(key), names);
+        const auto found = std::find(names.begin(), names.end(), name);
+        if (found != names.end()) guess = keys[static_cast<std::size_t>(found - names.begin())];
+    }
+    const auto hint = guess.empty() ? "; --help lists every key" : fmt::format("; did you mean '{}'?", guess);
+    return fmt::format("unknown key '{}'{}", key, hint);
+}
+
+// ---- files --------------------------------------------------------------------------
+
+/// The names of the configurations in a folder.
+std::vector<std::string> configurations_in(const std::filesystem::path& folder) {
+    std::vector<std::string> names;
+    std::error_code ignored;
+    for (const auto& item : std::filesystem::directory_iterator(folder, ignored)) {
+        if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
+    }
+    std::ranges::sort(names);
+    return names;
+}
+
+/// "a.yaml, b.yaml", or the first few and how many there are.
+std::string listed(std::vector<std::string> names) {
+    constexpr std::size_t kMost = 6;
+    const auto all = names.size();
+    names.resize(std::min(all, kMost));
+    return fmt::format("{}{}", fmt::join(names, ", "),
+                       all > kMost ? fmt::format(", ... ({} in all)", all) : "");
+}
+
+/// The operating system's reason and the way out: "No such file or directory; did you mean
+/// 'configs/sac/200m.yaml'?", or what there is in the folder.
+std::string unreadable(const std::filesystem::path& file, const std::error_code& reason) {
+    namespace fs = std::filesystem;
+    std::string text = reason.message();
+    if (reason == std::errc::is_a_directory) {
+        const auto names = configurations_in(file);
+        return names.empty() ? text : fmt::format("{}; give a file in it: {}", text, listed(names));
+    }
+    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    const auto names = configurations_in(folder);
+    const auto guess = nearest(file.filename().string(), names);
+    if (!guess.empty()) {
+        text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
+    } else if (!names.empty()) {
+        text += fmt::format("; '{}' has {}", folder.string(), listed(names));
+    }
+    return text;
+}
+
+class YamlReader {
+  public:
+    explicit YamlReader(const ConfigTable& table) : table_(table) {}
+
+    /// `asked_by`: "file:line:column: " of the `extends` that leads here, or nothing.
+    void read(const std::filesystem::path& file, const std::string& asked_by = "") {
+        std::string text;
+        try {
+            text = read_file(file);
+        } catch (const std::system_error& error) {
+            throw ConfigError(fmt::format("{}cannot read '{}': {}", asked_by, file.string(),
+                                          unreadable(file, error.code())));
+        } catch (const std::runtime_error& error) {
+            throw ConfigError(asked_by + error.what());
+        }
+        std::error_code ignored;  // a pipe has no canonical name, and cannot be extended
+        const auto canonical = std::filesystem::weakly_canonical(file, ignored);
+        if (std::find(chain_.begin(), chain_.end(), canonical) != chain_.end()) {
+            throw ConfigError(
+                fmt::format("{}'{}' extends itself; a base must not lead back to a file that extends it",
+                            asked_by, file.string()));
+        }
+        chain_.push_back(canonical);
+        const auto root = parse(file, text);
+        if (root.IsNull()) return;
+        if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
+        // The base comes first wherever it is named, so that this file has the last word.
+        for (const auto& item : root) {
+            if (scalar(file, item.first) != "extends") continue;
+            read_base(file, item.first, item.second);
+            break;
+        }
+        Seen seen;
+        for (const auto& item : root) {
+            check_duplicate(seen, file, item.first, scalar(file, item.first));
+            if (item.first.Scalar() != "extends") read_section(file, item.first, item.second);
+        }
+    }
+
+  private:
+    using Seen = std::map<std::string, int>;  // key -> line
+
+    static std::string at(const std::filesystem::path& file, const YAML::Mark& mark) {
+        if (mark.is_null()) return file.string() + ": ";
+        return fmt::format("{}:{}:{}: ", file.string(), mark.line + 1, mark.column + 1);
+    }
+    [[noreturn]] static void fail(const std::filesystem::path& file, const YAML::Node& node,
+                                  const std::string& what) {
+        throw ConfigError(at(file, node.Mark()) + what);
+    }
+    static const std::string& scalar(const std::filesystem::path& file, const YAML::Node& key) {
+        if (!key.IsScalar()) fail(file, key, "a key must be a word");
+        return key.Scalar();
+    }
+
+    static YAML::Node parse(const std::filesystem::path& file, const std::string& text) {
+        try {
+            std::istringstream stream(text);
+            YAML::Parser parser(stream);
+            DocumentStarts starts;
+            // Not YAML::LoadAll(), which on some malformed files takes empty documents for ever.
+            while (starts.marks.size() < 2 && parser.HandleNextDocument(starts)) {
+            }
+            if (starts.marks.size() > 1) {
+                throw ConfigError(at(file, starts.marks[1]) +
+                                  "a second YAML document ('---'); a file may hold one only");
+            }
+            return YAML::Load(text);
+        } catch (const YAML::Exception& error) {
+            throw ConfigError(at(file, error.mark) + "not valid YAML: " + error.msg);
+        }
+    }
+
+    static void check_duplicate(Seen& seen, const std::filesystem::path& file, const YAML::Node& node,
+                                const std::string& key) {
+        const auto [found, is_new] = seen.emplace(key, node.Mark().line + 1);
+        if (!is_new)
+            fail(file, node,
+                 fmt::format("'{}' is set a second time; line {} has the first", key, found->second));
+    }
+
+    void read_base(const std::filesystem::path& file, const YAML::Node& key, const YAML::Node& base) {
+        if (!base.IsScalar()) fail(file, base.IsNull() ? key : base, "'extends' must name one other file");
+        read(file.parent_path() / base.Scalar(), at(file, base.Mark()));
+    }
+
+    std::vector<std::string> section_names() const {
+        std::vector<std::string> names;
+        for (const auto& entry : table_.entries()) {
+            const auto name = section_of(entry.key);
+            if (names.empty() || names.back() != name) names.emplace_back(name);
+        }
+        return names;
+    }
+
+    void read_section(const std::filesystem::path& file, const YAML::Node& section,
+                      const YAML::Node& settings) {
+        const auto& name = section.Scalar();
+        const auto sections = section_names();
+        if (std::find(sections.begin(), sections.end(), name) == sections.end()) {
+            if (table_.has(name)) {
+                fail(file, section,
+                     fmt::format("'{}' must be written as '{}' below '{}:'", name, name_of(name),
+                                 section_of(name)));
+            }
+            if (!settings.IsMap()) fail(file, section, unknown_key(name, table_.entries()));
+            const auto guess = did_you_mean(name, sections);
+            const auto hint =
+                guess.empty() ? fmt::format("; there are {}", fmt::join(sections, ", ")) : guess;
+            fail(file, section, fmt::format("unknown section '{}'{}", name, hint));
+        }
+        if (settings.IsNull()) return;
+        if (!settings.IsMap())
+            fail(file, settings,
+                 fmt::format("'{}' is a section: its settings go below it, one per line", name));
+        Seen seen;
+        for (const auto& item : settings) {
+            const auto key = name + "." + scalar(file, item.first);
+            check_duplicate(seen, file, item.first, key);
+            read_value(file, key, item.first, item.second);
+        }
+    }
+
+    void read_value(const std::filesystem::path& file, const std::string& key, const YAML::Node& key_node,
+                    const YAML::Node& value) {
+        if (!table_.has(key)) fail(file, key_node, unknown_key(key, table_.entries()));
+        const auto& entry = table_.at(key);
+        if (!value.IsScalar() && !value.IsNull()) {
+            fail(file, value,
+                 fmt::format(
+                     "{} must be a single value ({}){}", key, entry.type,
+                     value.IsSequence() ? "; `cale sweep` trains a run for each value of a list" : ""));
+        }
+        const bool is_text = std::holds_alternative<std::string*>(entry.member);
+        const bool may_be_absent = is_text || std::holds_alternative<std::optional<double>*>(entry.member);
+        if (value.IsNull() && !may_be_absent)
+            fail(file, key_node, fmt::format("{} has no value ({})", key, entry.type));
+        try {
+            entry.set(value.IsScalar() ? value.Scalar() : is_text ? "" : "none");
+        } catch (const ConfigError& error) {
+            fail(file, value, error.what());
+        }
+    }
+
+    const ConfigTable& table_;
+    std::vector<std::filesystem::path> chain_;
+};
+
+}  // namespace
+
+ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(printable(sentence)) {}
+
+std::string nearest(std::string_view text, std::span<const std::string> candidates) {
+    std::string best;
+    // A third of the letters may be wrong, and two always.
+    std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
+    for (const auto& candidate : candidates) {
+        const auto distance = edit_distance(lower(text), lower(candidate));
+        // Nothing in common is no misspelling, however short.
+        if (distance < limit && distance < std::max(text.size(), candidate.size())) {
+            limit = distance;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+namespace {
+
+void read_value(const ConfigEntry& entry, std::string_view text) {
+    if (entry.check) {
+        try {
+            entry.check(std::string(text));
+        } catch (const std::invalid_argument& error) {
+            throw ConfigError(fmt::format("{}: {}", entry.key, error.what()));
+        }
+    }
+    std::visit(Reader{entry, text}, entry.member);
+}
+
+/// Whether the text is a list as a sweep has it, "1..3" or "pong,breakout", of values that the entry takes.
+bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
+    auto values = split(text, ',');
+    if (const auto dots = text.find(".."); values.size() == 1 && dots != text.npos)
+        values = {std::string(text.substr(0, dots)), std::string(text.substr(dots + 2))};
+    if (values.size() < 2) return false;
+    const auto before = entry.get();
+    const bool all_fit = std::ranges::all_of(values, [&](const std::string& value) {
+        try {
+            read_value(entry, value);
+            return true;
+        } catch (const ConfigError&) {
+            return false;
+        }
+    });
+    read_value(entry, before);
+    return all_fit;
+}
+
+}  // namespace
+
+void ConfigEntry::set(std::string_view text) const {
+    try {
+        read_value(*this, text);
+    } catch (const ConfigError&) {
+        if (!is_list_of_values(*this, text)) throw;
+        throw ConfigError(fmt::format(
+            "{} takes one value, not '{}'; `cale sweep` trains a run for each value of a list", key, text));
+    }
+}
+
+std::string ConfigEntry::get() const {
+    return std::visit(Writer{}, member);
+}
+
+void ConfigTable::add(std::string_view section, std::string_view name, std::string_view help, Range range,
+                      ConfigMember member) {
+    ConfigEntry entry{fmt::format("{}.{}", section, name),
+                      "",
+                      "",
+                      cale::range_text(range),
+                      std::string(help),
+                      range,
+                      std::move(member)};
+    if (has(entry.key)) throw std::logic_error(fmt::format("two fields are called '{}'", entry.key));
+    entry.type = std::visit(TypeName{}, entry.member);
+    entry.default_text = entry.get();
+    const auto same_section = [&](const ConfigEntry& other) { return section_of(other.key) == section; };
+    const auto last = std::find_if(entries_.rbegin(), entries_.rend(), same_section);
+    entries_.insert(last == entries_.rend() ? entries_.end() : last.base(), std::move(entry));
+}
+
+void ConfigTable::check(std::string_view key, std::function<void(const std::string&)> check) {
+    const auto found = std::ranges::find(entries_, key, &ConfigEntry::key);
+    if (found == entries_.end()) throw std::logic_error(fmt::format("there is no field '{}'", key));
+    found->check = std::move(check);
+}
+
+void ConfigTable::validate() const {
+    for (const auto& rule : rules_) {
+        try {
+            rule();
+        } catch (const std::invalid_argument& error) {
+            throw ConfigError(error.what());
+        }
+    }
+}
+
+void ConfigTable::reset() {
+    for (const auto& entry : entries_) entry.set(entry.default_text);
+}
+
+const ConfigEntry* ConfigTable::find(std::string_view key) const {
+    const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const ConfigEntry& entry) { return entry.key == key; });
+    return found == entries_.end() ? nullptr : &*found;
+}
+
+const ConfigEntry& ConfigTable::at(std::string_view key) const {
+    if (const auto* entry = find(key)) return *entry;
+    throw ConfigError(unknown_key(key, entries_));
+}
+
+void ConfigTable::load(const std::filesystem::path& file) {
+    YamlReader(*this).read(file);
+}
+
+void ConfigTable::set_override(std::string_view key_equals_value) {
+    const auto equals = key_equals_value.find('=');
+    try {
+        if (equals == std::string_view::npos || equals == 0)
+            throw ConfigError("expected KEY=VALUE, such as env.game=breakout");
+        at(key_equals_value.substr(0, equals)).set(key_equals_value.substr(equals + 1));
+    } catch (const ConfigError& error) {
+        throw ConfigError(fmt::format("--set {}: {}", key_equals_value, error.what()));
+    }
+}
+
+std::string ConfigTable::to_yaml() const {
+    std::string yaml;
+    std::string_view section;
+    for (const auto& entry : entries_) {
+        if (section_of(entry.key) != section) {
+            yaml += fmt::format("{}{}:\n", section.empty() ? "" : "\n", section_of(entry.key));
+            section = section_of(entry.key);
+        }
+        const bool is_text = std::holds_alternative<std::string*>(entry.member);
+        const auto value = entry.get();
+        yaml += fmt::format("  # {}\n  {}: {}\n", entry.help, name_of(entry.key),
+                            is_text ? quoted(value) : value);
+    }
+    return yaml;
+}
+
+std::vector<ConfigDifference> ConfigTable::differences(const std::filesystem::path& file) {
+    std::vector<std::string> here;
+    for (const auto& entry : entries_) here.push_back(entry.get());
+    const auto restore = [&] {
+        for (std::size_t i = 0; i < entries_.size(); ++i) entries_[i].set(here[i]);
+    };
+    try {
+        load(file);
+    } catch (...) {
+        restore();
+        throw;
+    }
+    std::vector<ConfigDifference> result;
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+        const auto there = entries_[i].get();
+        if (there != here[i]) result.push_back({entries_[i].key, here[i], there});
+    }
+    restore();
+    return result;
+}
+
+}  // namespace cale

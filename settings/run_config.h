@@ -1,0 +1,118 @@
+// What a run is, beside its algorithm: the sections train, eval and log of a configuration.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "agents/agent.h"
+#include "cale/env.h"
+#include "cale/fields.h"
+#include "cale/games.h"
+#include "settings/config.h"
+
+namespace cale {
+
+/// Section train.
+struct TrainConfig {
+    std::int64_t total_steps = 50'000'000;
+    std::int64_t seed = 1;
+    std::int64_t checkpoint_every = 250'000;
+    std::int64_t keep_checkpoints = 2;
+    std::int64_t keep_every = 0;
+    bool keep_best = false;
+    bool save_replay = true;
+    bool overlap = false;
+};
+
+template <class Visit>
+void fields(TrainConfig& config, Visit&& visit) {
+    visit("total_steps", config.total_steps, Range{1, 1e12},
+          "agent steps of the run, over all environments (frames / frame_skip)");
+    visit("seed", config.seed, Range{0, 4294967295.0}, "everything random in the run follows from it");
+    visit("checkpoint_every", config.checkpoint_every, Range{1, 1e12},
+          "agent steps between checkpoints; one is always written at the end");
+    visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000},
+          "so many of the newest checkpoints stay");
+    visit("keep_every", config.keep_every, Range{0, 1e12},
+          "a checkpoint at each multiple of so many agent steps stays for good; 0: none");
+    visit("keep_best", config.keep_best,
+          "the best checkpoint stays, and checkpoints/best points to it: the largest mean return over the "
+          "newest 100 "
+          "training episodes or, with eval.every, of an evaluation, after each of which a checkpoint is "
+          "written then");
+    visit("save_replay", config.save_replay,
+          "checkpoints hold the replay; without it a resumed run starts with an empty one");
+    visit("overlap", config.overlap,
+          "the environments step while the agent learns, so that it acts with the parameters from before its "
+          "newest update; false: the paper's strict order");
+}
+
+/// Section eval.
+struct EvalConfig {
+    std::int64_t every = 0;
+    std::int64_t episodes = 10;
+    std::int64_t noop_max = 0;
+    bool video = true;
+};
+
+template <class Visit>
+void fields(EvalConfig& config, Visit&& visit) {
+    visit("every", config.every, Range{0, 1e12},
+          "agent steps between evaluations; 0: only at the end of the run");
+    visit("episodes", config.episodes, Range{0, 10'000}, "games per evaluation; 0: no evaluation");
+    visit("noop_max", config.noop_max, Range{0, 1000},
+          "an evaluated game starts with 0 to this many no-op agent steps");
+    visit("video", config.video, "film the first game of an evaluation, up to five minutes of it");
+}
+
+/// Section log.
+struct LogConfig {
+    std::int64_t every = 1'000;
+    bool tensorboard = true;
+};
+
+template <class Visit>
+void fields(LogConfig& config, Visit&& visit) {
+    visit("every", config.every, Range{1, 1e12}, "agent steps between the rows of progress.csv");
+    visit("tensorboard", config.tensorboard, "write TensorBoard events beside the CSV files");
+}
+
+/// The whole configuration of a run of one algorithm.
+template <class AgentConfig>
+struct RunConfig {
+    EnvConfig env;      // section env
+    AgentConfig agent;  // section agent
+    TrainConfig train;  // section train
+    EvalConfig eval;    // section eval
+    LogConfig log;      // section log
+};
+
+/// What the settings alone say of an agent's world: of a game's own set of actions, not how many there are.
+inline AgentSpec spec_of(const EnvConfig& env, const TrainConfig& train) {
+    AgentSpec spec;
+    spec.num_envs = env.num_envs;
+    spec.num_actions = env.action_space == ActionSpace::continuous ? 0 : kEventCount;
+    spec.total_steps = train.total_steps;
+    spec.overlap = train.overlap;
+    spec.seed = static_cast<std::uint64_t>(train.seed);
+    return spec;
+}
+
+/// All settings of a run. The table refers to `config`. AgentConfig::kActionSpace is the action
+/// space that the environment has unless told otherwise.
+template <class AgentConfig>
+ConfigTable settings_of(RunConfig<AgentConfig>& config) {
+    config.env.action_space = AgentConfig::kActionSpace;
+    ConfigTable table;
+    table.add("env", config.env);
+    table.check("env.game", [](const std::string& game) { find_game(game); });
+    table.add("agent", config.agent);
+    table.add("train", config.train);
+    table.add("eval", config.eval);
+    table.add("log", config.log);
+    if constexpr (requires { check_settings(config.agent, AgentSpec()); })
+        table.add_rule([&config] { check_settings(config.agent, spec_of(config.env, config.train)); });
+    return table;
+}
+
+}  // namespace cale

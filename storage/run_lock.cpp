@@ -1,0 +1,65 @@
+#include "storage/run_lock.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+namespace cale {
+namespace {
+
+constexpr const char* kFile = ".lock";
+
+/// Who holds the lock, as it wrote there: for the message only.
+std::string holder(int descriptor) {
+    std::array<char, 32> text{};
+    const auto size = ::pread(descriptor, text.data(), text.size(), 0);
+    const std::string_view digits(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+    const bool number =
+        !digits.empty() && std::ranges::all_of(digits, [](char c) { return c >= '0' && c <= '9'; });
+    return number ? fmt::format("process {}", digits) : "another process";
+}
+
+}  // namespace
+
+RunLock::RunLock(const std::filesystem::path& run_dir) {
+    const auto file = run_dir / kFile;
+    descriptor_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (descriptor_ < 0) {
+        throw std::system_error(errno, std::generic_category(),
+                                fmt::format("cannot write '{}'", file.string()));
+    }
+    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        const auto who = holder(descriptor_);
+        ::close(descriptor_);
+        throw std::runtime_error(
+            fmt::format("{} is training in {}: wait for it or stop it, or give this run another "
+                        "folder with --run-dir",
+                        who, run_dir.string()));
+    }
+    const auto pid = std::to_string(::getpid());
+    // A message that names nobody is no reason to stop.
+    static_cast<void>(::ftruncate(descriptor_, 0) == 0 &&
+                      ::pwrite(descriptor_, pid.data(), pid.size(), 0) == static_cast<ssize_t>(pid.size()));
+}
+
+RunLock::~RunLock() {
+    ::close(descriptor_);
+}
+
+bool RunLock::is_taken(const std::filesystem::path& run_dir) {
+    const int descriptor = ::open((run_dir / kFile).c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return false;
+    const bool taken = ::flock(descriptor, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    ::close(descriptor);
+    return taken;
+}
+
+}  // namespace cale

@@ -1,0 +1,194 @@
+#include "policy/policy_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+
+#include "policy/policy_lite.h"
+#include "policy/sample_policies.h"
+
+namespace cale {
+namespace {
+
+using test::sample_policy;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+PolicyFile small_sac() {
+    return sample_policy(test::sample_networks().front().network);
+}
+
+std::string error_of(std::string_view contents) {
+    return test::message_of([&] { lite::Policy::parse(contents, "x"); });
+}
+
+/// What is wrong with a file whose policy was changed like this, its checksum being right.
+std::string error_after(const std::function<void(PolicyFile&)>& change, PolicyFile policy = small_sac()) {
+    change(policy);
+    return error_of(policy_file_contents(policy));
+}
+
+TEST(PolicyFileTest, ReadsWhatItWrites) {
+    for (const auto& [name, network] : test::sample_networks()) {
+        SCOPED_TRACE(name);
+        auto written = sample_policy(network);
+        written.info.threshold = 0.1;
+        written.info.event_map = EventMap::ale_0_10;
+        written.info.radius_is_strength = true;
+        written.info.frame_skip = 5;
+        written.info.life_loss_ends_episode = true;
+        written.info.evaluation_samples = true;
+        const auto read = parse_policy_file(policy_file_contents(written));
+        EXPECT_EQ(policy_file_contents(read), policy_file_contents(written));
+        EXPECT_EQ(read.weights, written.weights);
+        EXPECT_EQ(read.golden.output, written.golden.output);
+        EXPECT_EQ(read.golden.observation, written.golden.observation);
+        EXPECT_EQ(read.info.actions, written.info.actions);
+        EXPECT_EQ(read.info.threshold, 0.1);
+        EXPECT_EQ(read.info.event_map, EventMap::ale_0_10);
+        EXPECT_TRUE(read.info.radius_is_strength && read.info.life_loss_ends_episode &&
+                    read.info.evaluation_samples);
+        EXPECT_EQ(read.info.frame_skip, 5);
+        EXPECT_EQ(read.info.epsilon, 0.25);
+        EXPECT_EQ(read.info.provenance, written.info.provenance);
+        EXPECT_EQ(read.info.stack, network.stack);
+        EXPECT_EQ(error_of(policy_file_contents(written)), "no error");
+    }
+}
+
+TEST(PolicyFileTest, TheGoldenObservationIsTheSameEverywhere) {
+    const auto pixels = golden_observation(PolicyInfo{});
+    ASSERT_EQ(pixels.size(), 4u * 84 * 84);
+    EXPECT_EQ(pixels[0], 60);  // (1664525 + 1013904223) >> 24
+    EXPECT_EQ(pixels[1], 94);
+}
+
+TEST(PolicyFileDamage, CutOffAnywhere) {
+    const auto whole = policy_file_contents(small_sac());
+    for (std::size_t size = 0; size < whole.size(); size = size < 6000 ? size + 7 : size + 499)
+        EXPECT_THAT(error_of(whole.substr(0, size)), StartsWith("'x' cannot be used: ")) << size;
+    EXPECT_THAT(error_of(whole + "x"), HasSubstr("bytes of data where its tensors need"));
+}
+
+TEST(PolicyFileDamage, AnyByteThatChanged) {
+    const auto whole = policy_file_contents(small_sac());
+    std::mt19937 random(5);
+    for (int i = 0; i < 2'000; ++i) {
+        auto bytes = whole;
+        const auto at = random() % (i % 2 == 0 ? 4'000 : bytes.size());
+        bytes[at] = static_cast<char>(bytes[at] ^ (1 << random() % 8));
+        const auto error = error_of(bytes);
+        // Of the header's spaces alone nothing depends on.
+        if (error == "no error") {
+            EXPECT_EQ(policy_file_contents(parse_policy_file(bytes)), whole) << at;
+        } else {
+            EXPECT_THAT(error, StartsWith("'x' cannot be used: ")) << at;
+            EXPECT_THAT(error, Not(HasSubstr("\n"))) << at;
+        }
+    }
+}
+
+TEST(PolicyFileDamage, ChangedWeightsAreNoticedByTheChecksum) {
+    auto bytes = policy_file_contents(small_sac());
+    // The sign of two numbers: what a weaker sum would miss.
+    bytes[bytes.size() - 5'001] = static_cast<char>(bytes[bytes.size() - 5'001] ^ 0x80);
+    bytes[bytes.size() - 5'009] = static_cast<char>(bytes[bytes.size() - 5'009] ^ 0x80);
+    EXPECT_EQ(error_of(bytes),
+              "'x' cannot be used: its checksum is not that of its contents: it was damaged or changed");
+}
+
+TEST(PolicyFileDamage, GoldenOutput) {
+    EXPECT_THAT(error_after([](PolicyFile& policy) { policy.golden.output[2] += 0.01f; }),
+                HasSubstr("its network does not give the golden output for the golden observation"));
+    EXPECT_THAT(error_after([](PolicyFile& policy) { policy.weights["actor.out.bias"][0] += 0.01f; }),
+                HasSubstr("golden output"));
+    EXPECT_THAT(error_after([](PolicyFile& policy) { policy.golden.observation.assign(756, 0); }),
+                HasSubstr("golden output"));
+}
+
+TEST(PolicyFileDamage, NumbersThatAreNone) {
+    for (const float bad :
+         {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+        EXPECT_THAT(
+            error_after([&](PolicyFile& policy) { policy.weights["encoder.conv2.weight"][17] = bad; }),
+            HasSubstr("tensor 'encoder.conv2.weight' holds a number that is not finite"));
+        EXPECT_THAT(error_after([&](PolicyFile& policy) { policy.golden.output[0] = bad; }),
+                    HasSubstr("tensor 'golden.output' holds a number that is not finite"));
+    }
+}
+
+/// The contents with a text of the metadata replaced and the checksum made right again.
+std::string with_text(const std::string& key, const std::string& text) {
+    auto policy = small_sac();
+    auto texts = policy_file_texts(policy);
+    // Through the format itself: provenance may not be called like one of its own keys.
+    const auto stored_contents = policy_file_contents(policy);
+    const auto stored = stored_tensors(stored_contents);
+    if (text == "(missing)") {
+        texts.erase(key);
+    } else {
+        texts[key] = text;
+    }
+    texts["checksum"] = policy_checksum(texts, stored.tensors);
+    std::vector<NamedShape> order;
+    std::string data;
+    for (const auto& [name, tensor] : stored.tensors) {
+        order.push_back({name, tensor.type, tensor.shape});
+        data += tensor.bytes;
+    }
+    return safetensors_header(order, texts) + data;
+}
+
+TEST(PolicyFileDamage, Texts) {
+    EXPECT_EQ(error_of(with_text("threshold", "0.25")), "no error");
+    const auto error = [](const std::string& key, const std::string& text) {
+        return error_of(with_text(key, text));
+    };
+    const auto metadata = [](const std::string& what) { return "'x' cannot be used: its metadata " + what; };
+    EXPECT_EQ(error("threshold", "1.5"), metadata("'threshold' is '1.5': it must be a number from 0 to 1"));
+    EXPECT_EQ(error("threshold", "nan"), metadata("'threshold' is 'nan': it must be a number from 0 to 1"));
+    EXPECT_EQ(error("threshold", ""), metadata("'threshold' is '': it must be a number from 0 to 1"));
+    EXPECT_EQ(error("frame_skip", "4x"),
+              metadata("'frame_skip' is '4x': it must be a whole number from 1 to 64"));
+    EXPECT_EQ(error("hidden_layers", "99999999999999999999"),
+              metadata("'hidden_layers' is '99999999999999999999': it must be a whole number from 0 to 16"));
+    EXPECT_EQ(error("dueling", "yes"), metadata("'dueling' is 'yes': it must be true or false"));
+    EXPECT_EQ(error("head", "softmax"), metadata("'head' is 'softmax': it must be one of squashed_gaussian, "
+                                                 "gaussian, categorical, values"));
+    EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));
+    EXPECT_EQ(error("action_space", "none"),
+              metadata("'action_space' is 'none': it must be one of continuous, minimal, full"));
+    EXPECT_THAT(error("actions", "NOOP"), HasSubstr("the action space 'continuous' has no list of actions"));
+    EXPECT_THAT(error("actions", "JUMP"), HasSubstr("joystick events by their names"));
+    EXPECT_THAT(error("action_space", "minimal"),
+                HasSubstr("head does not act on the action space 'minimal'"));
+    EXPECT_THAT(error("cale_policy", "2"),
+                HasSubstr("its format is version '2', this program reads version 1"));
+    EXPECT_THAT(error("cale_policy", "(missing)"), HasSubstr("not a policy that cale export made"));
+}
+
+TEST(PolicyFileDamage, NetworksThatDoNotFitTheirWeights) {
+    EXPECT_THAT(error_of(with_text("hidden_units", "21")),
+                HasSubstr("tensor 'actor.fc1.weight' is F32 [20, 50]: its network needs F32 [21, 50]"));
+    EXPECT_THAT(error_of(with_text("hidden_units", "65536")), HasSubstr("its network needs F32 [65536, 50]"));
+    EXPECT_THAT(error_of(with_text("frame_height", "512")), HasSubstr("its network needs"));
+    EXPECT_THAT(error_of(with_text("hidden_layers", "0")),
+                HasSubstr("tensor 'actor.fc1.bias' is no part of its network"));
+    EXPECT_THAT(error_of(with_text("hidden_layers", "2")), HasSubstr("tensor 'actor.fc2.weight' is missing"));
+    EXPECT_THAT(error_of(with_text("padding", "valid")), HasSubstr("its network needs"));
+}
+
+TEST(PolicyFileTest, ProvenanceMayNotBeCalledLikeASetting) {
+    auto policy = small_sac();
+    for (const auto* name : {"threshold", "checksum", "cale_policy"}) {
+        policy.info.provenance = {{name, "1"}};
+        EXPECT_THROW(policy_file_contents(policy), std::invalid_argument);
+    }
+}
+
+}  // namespace
+}  // namespace cale

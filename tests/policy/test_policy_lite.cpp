@@ -1,0 +1,212 @@
+#include "policy/policy_lite.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+#include <new>
+#include <thread>
+
+#include "policy/sample_policies.h"
+
+namespace {
+
+std::atomic<std::int64_t> allocations = 0;
+
+}  // namespace
+
+// Every allocation of this program is counted. Not inline: GCC would take malloc's memory for a mistake.
+[[gnu::noinline]] void* operator new(std::size_t size) {
+    ++allocations;
+    if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
+    throw std::bad_alloc();
+}
+[[gnu::noinline]] void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+    ++allocations;
+    return std::malloc(size > 0 ? size : 1);
+}
+[[gnu::noinline]] void* operator new(std::size_t size, std::align_val_t alignment) {
+    ++allocations;
+    const auto line = static_cast<std::size_t>(alignment);
+    if (void* memory = std::aligned_alloc(line, (size + line - 1) / line * line)) return memory;
+    throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
+    std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept {
+    std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, std::align_val_t) noexcept {
+    std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+    std::free(memory);
+}
+
+namespace cale {
+namespace {
+
+using test::random_pixels;
+using test::sample_policy;
+using ::testing::HasSubstr;
+
+lite::Policy policy_of(const PolicyFile& file) {
+    return lite::Policy::parse(policy_file_contents(file));
+}
+
+/// The sample network of this name, with a policy of its own.
+PolicyFile named(const std::string& name) {
+    for (const auto& sample : test::sample_networks())
+        if (sample.name == name) return sample_policy(sample.network);
+    throw std::out_of_range(name);
+}
+
+TEST(LitePolicy, GreedyIsTheMeanTheLikeliestOrTheMostValuable) {
+    for (const auto* name : {"sac", "ppo", "sacd", "der"}) {
+        const auto policy = policy_of(named(name));
+        auto workspace = policy.workspace();
+        const auto pixels = random_pixels(policy.info().observation_size(), 3);
+        const auto output = policy.output(pixels, workspace);
+        const std::vector<float> numbers(output.begin(), output.end());
+        const auto decision = policy.act(pixels, workspace);
+        if (policy.info().actions.empty()) {
+            ASSERT_EQ(numbers.size(), 6u);
+            EXPECT_EQ(decision.action, -1);
+            EXPECT_FLOAT_EQ(decision.stick.radius, 0.5f + 0.5f * std::tanh(numbers[0]));
+            EXPECT_FLOAT_EQ(decision.stick.theta, 3.14159265f * std::tanh(numbers[1]));
+            EXPECT_FLOAT_EQ(decision.stick.fire, 0.5f + 0.5f * std::tanh(numbers[2]));
+            EXPECT_EQ(decision.event, joystick_event(decision.stick, 0.5f));
+        } else {
+            ASSERT_EQ(numbers.size(), 5u);
+            const auto best = std::max_element(numbers.begin(), numbers.end()) - numbers.begin();
+            EXPECT_EQ(decision.action, best);
+            EXPECT_EQ(decision.event, policy.info().actions[static_cast<std::size_t>(best)]);
+        }
+    }
+}
+
+TEST(LitePolicy, SampledFollowsTheDistribution) {
+    constexpr int kDraws = 6'000;
+    std::mt19937_64 random(1);
+    const auto policy = policy_of(named("sacd"));
+    auto workspace = policy.workspace();
+    const auto pixels = random_pixels(policy.info().observation_size(), 3);
+    std::vector<double> frequencies(5);
+    for (int i = 0; i < kDraws; ++i) {
+        const auto action = policy.act(pixels, workspace, Choice::sampled, random).action;
+        frequencies.at(static_cast<std::size_t>(action)) += 1.0 / kDraws;
+    }
+    const auto log_probabilities = policy.output(pixels, workspace);
+    for (std::size_t i = 0; i < frequencies.size(); ++i)
+        EXPECT_NEAR(frequencies[i], std::exp(log_probabilities[i]), 0.03);
+
+    const auto gaussian = policy_of(named("ppo"));
+    auto memory = gaussian.workspace();
+    double mean = 0, square = 0;
+    for (int i = 0; i < kDraws; ++i) {
+        const auto radius = gaussian.act(pixels, memory, Choice::sampled, random).stick.radius;
+        const double u = std::atanh(std::clamp(2 * static_cast<double>(radius) - 1, -0.9999999, 0.9999999));
+        mean += u / kDraws;
+        square += u * u / kDraws;
+    }
+    const auto numbers = gaussian.output(pixels, memory);
+    EXPECT_NEAR(mean, numbers[0], 0.05);
+    EXPECT_NEAR(std::sqrt(square - mean * mean), std::exp(numbers[3]), 0.05);
+}
+
+TEST(LitePolicy, AsEvaluatedIsUniformWithProbabilityEpsilon) {
+    auto file = named("dqn");  // epsilon 0.25
+    const auto policy = policy_of(file);
+    auto workspace = policy.workspace();
+    std::mt19937_64 random(1);
+    const auto pixels = random_pixels(policy.info().observation_size(), 3);
+    const auto best = policy.act(pixels, workspace).action;
+    int others = 0;
+    for (int i = 0; i < 4'000; ++i) {
+        others += policy.act(pixels, workspace, Choice::as_evaluated, random).action != best;
+        ASSERT_EQ(policy.act(pixels, workspace, Choice::sampled, random).action, best);
+    }
+    EXPECT_NEAR(others / 4'000.0, 0.25 * 4 / 5, 0.03);
+}
+
+TEST(LitePolicy, ABatchIsItsObservations) {
+    const auto policy = policy_of(named("sac"));
+    auto workspace = policy.workspace();
+    const auto size = policy.info().observation_size();
+    const auto pixels = random_pixels(3 * size, 3);
+    std::vector<Decision> decisions(3);
+    policy.act(pixels, decisions, workspace);
+    for (std::size_t i = 0; i < 3; ++i) {
+        const auto alone = policy.act(std::span(pixels).subspan(i * size, size), workspace);
+        EXPECT_EQ(decisions[i].stick.theta, alone.stick.theta);
+    }
+    EXPECT_THAT(test::message_of([&] { policy.act(std::span(pixels).first(size), decisions, workspace); }),
+                HasSubstr("3 observations have"));
+}
+
+TEST(LitePolicy, ActingAllocatesNothing) {
+    for (const auto& [name, network] : test::sample_networks()) {
+        const auto policy = policy_of(sample_policy(network));
+        auto workspace = policy.workspace();
+        std::mt19937_64 random(1);
+        const auto pixels = random_pixels(policy.info().observation_size(), 3);
+        const auto before = allocations.load();
+        for (const auto choice : {Choice::greedy, Choice::sampled, Choice::as_evaluated})
+            policy.act(pixels, workspace, choice, random);
+        EXPECT_EQ(allocations.load(), before) << name;
+    }
+}
+
+TEST(LitePolicy, ThreadsShareAPolicy) {
+    const auto policy = policy_of(named("sac_impala"));
+    const auto size = policy.info().observation_size();
+    std::vector<float> alone;
+    auto workspace = policy.workspace();
+    for (std::uint32_t i = 0; i < 20; ++i)
+        alone.push_back(policy.act(random_pixels(size, i), workspace).stick.theta);
+    std::vector<std::thread> threads;
+    std::atomic<int> different = 0;
+    for (int t = 0; t < 4; ++t) {
+        threads.emplace_back([&] {
+            auto own = policy.workspace();
+            for (std::uint32_t i = 0; i < 20; ++i)
+                different += policy.act(random_pixels(size, i), own).stick.theta != alone[i];
+        });
+    }
+    for (auto& thread : threads) thread.join();
+    EXPECT_EQ(different, 0);
+}
+
+TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
+    const auto policy = policy_of(named("sac")), other = policy_of(named("ppo"));
+    auto workspace = policy.workspace();
+    const auto pixels = random_pixels(policy.info().observation_size(), 3);
+    EXPECT_THAT(test::message_of([&] { other.act(pixels, workspace); }), HasSubstr("made by another policy"));
+    EXPECT_EQ(test::message_of([&] { policy.act(std::span(pixels).first(5), workspace); }),
+              "an observation has 5 bytes: it must have 756");
+}
+
+TEST(LitePolicy, FilesThatCannotBeRead) {
+    EXPECT_EQ(test::message_of([] { lite::Policy::load("/no/such.safetensors"); }),
+              "cannot read '/no/such.safetensors': No such file or directory");
+    EXPECT_EQ(test::message_of([] { lite::Policy::load("/tmp"); }), "cannot read '/tmp': Is a directory");
+}
+
+TEST(DecisionTest, OfJoysticksAndOfNumbers) {
+    PolicyInfo info;
+    info.radius_is_strength = true;
+    const auto stick = decision(info, ContinuousAction{0.75f, 0, 1});
+    EXPECT_EQ(stick.event, Event::right_fire);
+    EXPECT_EQ(stick.strength, 0.75f);
+    info.actions = {Event::noop, Event::up};
+    EXPECT_EQ(decision(info, std::int64_t{1}).event, Event::up);
+    EXPECT_EQ(decision(info, std::int64_t{1}).strength, 1);
+    EXPECT_THROW(decision(info, std::int64_t{2}), std::out_of_range);
+    EXPECT_THROW(decision(info, std::int64_t{-1}), std::out_of_range);
+}
+
+}  // namespace
+}  // namespace cale

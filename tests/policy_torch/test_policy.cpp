@@ -1,0 +1,260 @@
+#include "policy/torch/policy.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include <torch/nn/module.h>
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include "networks/actor_critic.h"
+#include "networks/ppo_network.h"
+#include "networks/q_network.h"
+#include "policy/policy_lite.h"
+#include "policy/sample_policies.h"
+#include "policy/torch/actor_network.h"
+
+namespace cale {
+namespace {
+
+using test::Net;
+using test::sample_policy;
+using ::testing::HasSubstr;
+
+/// Noise, and some frames that are nearly empty, as games have them.
+torch::Tensor observations(const PolicyNetwork& network, std::int64_t count) {
+    auto generator = at::make_generator<at::CPUGeneratorImpl>(5);
+    auto frames = torch::randint(0, 256, {count, network.stack, network.frame_height, network.frame_width},
+                                 generator, torch::kUInt8);
+    frames.slice(0, 0, count / 2).slice(3, 2).zero_();
+    return frames;
+}
+
+std::span<const std::uint8_t> bytes_of(const torch::Tensor& observation) {
+    return {observation.const_data_ptr<std::uint8_t>(), static_cast<std::size_t>(observation.numel())};
+}
+
+/// Largest difference, as a part of the largest number.
+double relative_difference(const torch::Tensor& a, std::span<const float> b) {
+    const auto other = torch::tensor(at::ArrayRef<float>(b.data(), b.size()));
+    return (a - other).abs().max().item<double>() / std::max(1.0, a.abs().max().item<double>());
+}
+
+class PolicyOf : public testing::TestWithParam<test::SampleNetwork> {};
+
+TEST_P(PolicyOf, LibTorchAndLiteAgree) {
+    const auto& network = GetParam().network;
+    const auto contents = policy_file_contents(sample_policy(network));
+    const auto policy = Policy::parse(contents);
+    const auto lite = lite::Policy::parse(contents);
+    auto workspace = lite.workspace();
+    const auto frames = observations(network, 32);
+    const auto outputs = policy.output(frames);
+    const auto actions = policy.act(frames);
+    for (std::int64_t i = 0; i < frames.size(0); ++i) {
+        const auto frame = frames[i].contiguous();
+        EXPECT_LT(relative_difference(outputs[i], lite.output(bytes_of(frame), workspace)), 1e-5);
+        const auto decision = lite.act(bytes_of(frame), workspace);
+        if (network.continuous()) {
+            EXPECT_NEAR(decision.stick.radius, actions[i][0].item<float>(), 1e-5);
+            EXPECT_NEAR(decision.stick.theta, actions[i][1].item<float>(), 1e-4);
+            EXPECT_NEAR(decision.stick.fire, actions[i][2].item<float>(), 1e-5);
+        } else {
+            EXPECT_EQ(decision.action, actions[i].item<std::int64_t>());
+        }
+        const auto alone = policy.act(bytes_of(frame));
+        EXPECT_EQ(alone.action, decision.action);
+        EXPECT_NEAR(alone.stick.theta, decision.stick.theta, 1e-4);
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryKind, PolicyOf, testing::ValuesIn(test::sample_networks()),
+                         [](const auto& sample) { return sample.param.name; });
+
+/// The policy with the weights of a network of agents.
+Policy with_weights_of(const torch::nn::Module& module, const PolicyNetwork& network) {
+    PolicyFile file{.info = test::sample_info(network), .network = network, .weights = {}, .golden = {}};
+    const auto parameters = module.named_parameters();
+    for (const auto& [name, type, shape] : parameters_of(network)) {
+        const auto tensor = parameters[name].detach().contiguous();
+        EXPECT_EQ(tensor.sizes(), at::IntArrayRef(shape)) << name;
+        file.weights[name].assign(tensor.const_data_ptr<float>(),
+                                  tensor.const_data_ptr<float>() + tensor.numel());
+    }
+    test::set_golden(file);
+    return Policy::parse(policy_file_contents(file));
+}
+
+EncoderConfig encoder_of(const PolicyNetwork& network) {
+    return {.encoder = static_cast<EncoderKind>(network.encoder),
+            .phi_dqn = static_cast<PhiDqn>(network.phi_dqn),
+            .stack = network.stack,
+            .frame_height = network.frame_height,
+            .frame_width = network.frame_width};
+}
+
+/// The encoders that agents choose from.
+std::vector<PolicyNetwork> with_every_encoder(PolicyNetwork network) {
+    auto sac = network, dqn = network, rows = network, impala = network;
+    dqn.encoder = rows.encoder = Net::Encoder::phi_dqn;
+    rows.phi_dqn = Net::Rows::row1d;
+    impala.encoder = Net::Encoder::impala;
+    return {sac, dqn, rows, impala};
+}
+
+at::Generator generator() {
+    return at::make_generator<at::CPUGeneratorImpl>(3);
+}
+
+TEST(PolicyEqualsNetwork, Sac) {
+    const torch::NoGradGuard no_grad;
+    for (const auto& network : with_every_encoder(test::small({}))) {
+        SacNetwork module(encoder_of(network), HeadConfig{1, network.hidden_units}, generator());
+        const auto policy = with_weights_of(*module, network);
+        const auto frames = observations(network, 8);
+        const auto expected = module->policy(module->encoder->trunk(frames));
+        EXPECT_TRUE(at::equal(policy.act(frames), mean_action(expected, module->box)));
+        auto random = generator();
+        const auto noise = torch::randn({8, 3}, random);
+        EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                              sample(expected, noise, module->box).action));
+    }
+}
+
+TEST(PolicyEqualsNetwork, Sacd) {
+    const torch::NoGradGuard no_grad;
+    PolicyNetwork kind;
+    kind.head = Net::Head::categorical;
+    for (const auto& network : with_every_encoder(test::small(kind))) {
+        SacdNetwork module(encoder_of(network), HeadConfig{1, network.hidden_units}, 5, generator());
+        const auto policy = with_weights_of(*module, network);
+        const auto frames = observations(network, 8);
+        const auto expected = module->log_policy(module->encoder->trunk(frames));
+        EXPECT_TRUE(at::equal(policy.output(frames), expected));
+        EXPECT_TRUE(at::equal(policy.act(frames), expected.argmax(1)));
+        auto random = generator();
+        EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                              expected.exp().multinomial(1, true, random).squeeze(1)));
+    }
+}
+
+TEST(PolicyEqualsNetwork, Ppo) {
+    const torch::NoGradGuard no_grad;
+    for (const auto torso : {Torso::two_branch, Torso::shared}) {
+        for (const std::int64_t actions : {0, 5}) {
+            PolicyNetwork kind;
+            kind.head = actions == 0 ? Net::Head::gaussian : Net::Head::categorical;
+            kind.activation = Net::Activation::tanh;
+            kind.hidden_layers = 2;
+            if (torso == Torso::shared) {
+                kind.branch = Net::Branch::shared;
+                kind.padding = Net::Padding::valid;
+            }
+            const auto network = test::small(kind);
+            PpoNetwork module(PpoNetworkConfig{.encoder = encoder_of(network),
+                                               .torso = torso,
+                                               .hidden_units = network.hidden_units,
+                                               .log_std = LogStd::direct},
+                              actions, generator());
+            const auto policy = with_weights_of(*module, network);
+            const auto frames = observations(network, 8);
+            const auto expected = module(frames).policy;
+            auto random = generator();
+            if (actions == 0) {
+                EXPECT_TRUE(at::equal(policy.act(frames), mean_action(*expected.gaussian, module->box)));
+                const auto noise = torch::randn({8, 3}, random);
+                EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                                      sample(*expected.gaussian, noise, module->box).action));
+            } else {
+                EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                                      expected.log_pi.exp().multinomial(1, true, random).squeeze(1)));
+            }
+        }
+    }
+}
+
+TEST(PolicyEqualsNetwork, ActionValues) {
+    const torch::NoGradGuard no_grad;
+    for (const bool dueling : {false, true}) {
+        for (const std::int64_t atoms : {1, 51}) {
+            PolicyNetwork kind;
+            kind.branch = Net::Branch::none;
+            kind.head = Net::Head::values;
+            kind.dueling = dueling;
+            kind.num_atoms = atoms;
+            for (const auto& network : with_every_encoder(test::small(kind))) {
+                const QHeadConfig head{.num_actions = 5,
+                                       .hidden_units = network.hidden_units,
+                                       .num_atoms = atoms,
+                                       .dueling = dueling};
+                QNetwork module(encoder_of(network), head, generator());
+                const auto policy = with_weights_of(*module, network);
+                const auto frames = observations(network, 8);
+                auto expected = module(frames);
+                const auto support = torch::linspace(-10, 10, atoms, torch::kFloat32);
+                expected = atoms == 1 ? expected.squeeze(2) : (expected.softmax(2) * support).sum(2);
+                EXPECT_TRUE(at::equal(policy.output(frames), expected));
+                EXPECT_TRUE(at::equal(policy.act(frames), expected.argmax(1)));
+            }
+        }
+    }
+}
+
+TEST(PolicyTest, AsEvaluatedDrawsInTheOrderOfTheAgents) {
+    PolicyNetwork kind;
+    kind.head = Net::Head::values;
+    kind.branch = Net::Branch::none;
+    const auto network = test::small(kind);
+    const auto policy = Policy::parse(policy_file_contents(sample_policy(network)));  // epsilon 0.25
+    const auto frames = observations(network, 64);
+    auto random = generator();
+    const auto chosen = torch::rand({64}, random) <= 0.25;
+    const auto uniform = torch::randint(0, 5, {64}, random, torch::kInt64);
+    const auto actions = policy.act(frames, Choice::as_evaluated, generator());
+    EXPECT_TRUE(at::equal(actions, torch::where(chosen, uniform, policy.act(frames))));
+    EXPECT_FALSE(at::equal(actions, policy.act(frames)));
+}
+
+TEST(PolicyTest, ThreadsShareAPolicy) {
+    const auto network = test::sample_networks().front().network;
+    const auto policy = Policy::parse(policy_file_contents(sample_policy(network)));
+    const auto frames = observations(network, 16);
+    const auto alone = policy.act(frames);
+    std::vector<std::thread> threads;
+    std::atomic<int> different = 0;
+    for (int t = 0; t < 4; ++t) {
+        threads.emplace_back([&] {
+            for (int i = 0; i < 10; ++i) different += !at::equal(policy.act(frames), alone);
+        });
+    }
+    for (auto& thread : threads) thread.join();
+    EXPECT_EQ(different, 0);
+}
+
+TEST(PolicyTest, RefusesWhatIsNoObservation) {
+    const auto network = test::sample_networks().front().network;
+    const auto policy = Policy::parse(policy_file_contents(sample_policy(network)));
+    EXPECT_THAT(test::message_of([&] {
+                    policy.act(torch::zeros({1, 4, 84, 84}, torch::kUInt8));
+                }),
+                HasSubstr("[B, 2, 21, 18]"));
+    EXPECT_THAT(test::message_of([&] { policy.act(torch::zeros({1, 2, 21, 18})); }), HasSubstr("float"));
+    EXPECT_EQ(test::message_of([&] { policy.act(test::random_pixels(5, 1)); }),
+              "an observation has 5 bytes: it must have 756");
+}
+
+TEST(PolicyTest, RefusesDamagedFilesInOneSentence) {
+    auto file = sample_policy(test::sample_networks().front().network);
+    file.golden.output[0] += 1;
+    EXPECT_THAT(test::message_of([&] { Policy::parse(policy_file_contents(file), "x"); }),
+                testing::StartsWith("'x' cannot be used: its network does not give the golden output"));
+    EXPECT_EQ(test::message_of([] { Policy::parse("", "x"); }),
+              "'x' cannot be used: it has 0 bytes, too few for a header");
+    EXPECT_EQ(test::message_of([] { Policy::load("/no/such.safetensors"); }),
+              "cannot read '/no/such.safetensors': No such file or directory");
+}
+
+}  // namespace
+}  // namespace cale

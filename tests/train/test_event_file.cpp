@@ -1,0 +1,130 @@
+#include "storage/checksum.h"
+#include "train/event_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace cale {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
+using ::testing::ThrowsMessage;
+
+TEST(Crc32c, AgreesWithRfc3720) {
+    EXPECT_EQ(crc32c("123456789"), 0xE3069283u);
+    EXPECT_EQ(crc32c(std::string(32, '\0')), 0x8A9136AAu);
+    EXPECT_EQ(crc32c(std::string(32, '\xFF')), 0x62A8AB43u);
+    EXPECT_EQ(crc32c(""), 0u);
+}
+
+TEST(TfRecord, FramesItsBytes) {
+    const auto record = tf_record("abc");
+    EXPECT_EQ(record.size(), 8u + 4 + 3 + 4);
+    EXPECT_EQ(record.substr(0, 8), std::string("\x03\0\0\0\0\0\0\0", 8));
+    EXPECT_EQ(record.substr(12, 3), "abc");
+}
+
+class EventFileOfARun : public ::testing::Test {
+  protected:
+    EventFileOfARun() { std::filesystem::create_directories(folder_); }
+    ~EventFileOfARun() override { std::filesystem::remove_all(folder_); }
+
+    /// What the real TensorBoard, installed by scripts/setup --with-tests, makes of the folder.
+    nlohmann::json read() const {
+        const char* dependencies = std::getenv("CALE_DEPS_DIR");
+        const std::filesystem::path tools =
+            std::filesystem::path(dependencies != nullptr ? dependencies : CALE_DEPS_DIR) / "test-tools";
+        if (!std::filesystem::exists(tools / "tensorboard")) {
+            throw std::runtime_error("no TensorBoard in " + tools.string() +
+                                     ": run scripts/setup --with-tests");
+        }
+        const auto command = "PYTHONPATH='" + tools.string() + "' /usr/bin/python3 '" CALE_READ_EVENTS "' '" +
+                             folder_.string() + "' 2>'" + (folder_ / "stderr").string() + "'";
+        std::FILE* pipe = ::popen(command.c_str(), "r");
+        std::string output;
+        for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) output.push_back(static_cast<char>(c));
+        if (::pclose(pipe) != 0)
+            throw std::runtime_error("TensorBoard could not read the events: " + command);
+        return nlohmann::json::parse(output);
+    }
+
+    std::filesystem::path folder_ =
+        std::filesystem::temp_directory_path() / ("cale-events-" + std::to_string(::getpid()));
+};
+
+TEST_F(EventFileOfARun, IsReadByTensorBoard) {
+    EventFile file(folder_);
+    const std::vector<std::pair<std::string, std::string>> values = {
+        {"agent", "sac"}, {"sac.gamma", "0.99"}, {"odd", "a|b"}};
+    file.write_hyperparameters(values);
+    file.write(1000, {{"losses/qf_loss", 0.25}, {"charts/SPS", 512}});
+    file.write(5'000'000'000, {{"losses/qf_loss", -1e-3}});
+
+    const auto events = read();  // while the file is still open
+    EXPECT_EQ(events["file_version"], 2.0);
+    EXPECT_EQ(events["scalars"]["charts/SPS"], nlohmann::json::parse("[[1000, 512]]"));
+    const auto& losses = events["scalars"]["losses/qf_loss"];
+    ASSERT_EQ(losses.size(), 2u);
+    EXPECT_EQ(losses[0], nlohmann::json::parse("[1000, 0.25]"));
+    EXPECT_EQ(losses[1][0], 5'000'000'000);
+    EXPECT_NEAR(losses[1][1].get<double>(), -1e-3, 1e-9);
+    EXPECT_EQ(events["texts"]["hyperparameters/text_summary"][0],
+              "|name|value|\n|-|-|\n|agent|sac|\n|sac.gamma|0.99|\n|odd|a\\|b|");
+    EXPECT_EQ(events["plugins"]["hyperparameters/text_summary"], "text");
+}
+
+TEST_F(EventFileOfARun, AResumedSessionVoidsWhatCameAfterItsCheckpoint) {
+    EventFile first(folder_);
+    first.write(10, {{"a", 1}});
+    first.write(20, {{"a", 2}});
+    first.write(30, {{"a", 3}});
+    EventFile second(folder_, 20);
+    EXPECT_NE(first.path(), second.path());
+    second.write(25, {{"a", 7}});
+    EXPECT_EQ(read()["scalars"]["a"], nlohmann::json::parse("[[10, 1], [20, 2], [25, 7]]"));
+}
+
+TEST_F(EventFileOfARun, IsNamedAsTensorBoardExpects) {
+    const EventFile file(folder_);
+    EXPECT_THAT(file.path().filename().string(),
+                MatchesRegex("events\\.out\\.tfevents\\.[0-9]{10}\\..+\\.[0-9]+\\.0"));
+}
+
+TEST_F(EventFileOfARun, RefusesWhatTensorBoardCannotShow) {
+    EventFile file(folder_);
+    const auto empty = std::filesystem::file_size(file.path());
+    const std::vector<std::pair<std::string, std::string>> values{{"env.roms", "/home/m\xfcller"}};
+    const auto refused = [&](const std::string& text) {
+        return ThrowsMessage<std::runtime_error>("TensorBoard cannot show '" + text +
+                                                 "': it is not UTF-8; rename that metric or setting");
+    };
+    EXPECT_THAT([&] { file.write(1, {{"losses/a", 1}, {"losses/\xff", 2}}); }, refused("losses/\xff"));
+    EXPECT_THAT([&] { file.write_hyperparameters(values); }, refused("/home/m\xfcller"));
+    EXPECT_EQ(std::filesystem::file_size(file.path()), empty);
+    file.write(1, {{"losses/\u03b1", 2}});
+    EXPECT_EQ(read()["scalars"], nlohmann::json::parse(R"({"losses/\u03b1": [[1, 2]]})"));
+}
+
+TEST_F(EventFileOfARun, SaysWhyItCannotBeWritten) {
+    try {
+        EventFile file(folder_ / "missing");
+        FAIL() << "no error";
+    } catch (const std::runtime_error& error) {
+        EXPECT_THAT(error.what(), HasSubstr("No such file or directory"));
+        EXPECT_THAT(error.what(), HasSubstr("events.out.tfevents"));
+    }
+}
+
+}  // namespace
+}  // namespace cale

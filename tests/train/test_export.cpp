@@ -1,0 +1,277 @@
+// Policies made of checkpoints, held to the agents that they are of.
+#include "train/export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+
+#include <torch/types.h>
+#include <nlohmann/json.hpp>
+
+#include "agents/der.h"
+#include "agents/dqn.h"
+#include "agents/ppo.h"
+#include "agents/random.h"
+#include "agents/sac.h"
+#include "agents/sacd.h"
+#include "cale/env.h"
+#include "policy/policy_file.h"
+#include "policy/policy_lite.h"
+#include "settings/config.h"
+#include "settings/run_config.h"
+#include "storage/files.h"
+#include "support/temporary_folder.h"
+#include "train/checkpoint.h"
+#include "train/safetensors.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+/// An agent that has not learned yet, and what it was made with.
+struct Case {
+    std::string name, agent;
+    std::function<std::unique_ptr<Agent>(const AgentSpec&)> make;
+    std::function<std::string()> config_yaml;
+    ActionSpace action_space = ActionSpace::continuous;
+};
+
+template <class AgentConfig>
+Case make_case(const std::string& name, const std::string& agent, AgentConfig agent_config,
+               ActionSpace action_space,
+               std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&)) {
+    if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
+    const auto yaml = [agent_config, action_space] {
+        RunConfig<AgentConfig> config;
+        auto table = settings_of(config);
+        config.env = protocol_atari100k("breakout");
+        config.agent = agent_config;
+        config.env.action_space = action_space;
+        config.env.threshold = 0.25;
+        config.env.rom_dir = "/somebody/roms";
+        return table.to_yaml();
+    };
+    return {name, agent, [agent_config, make](const AgentSpec& spec) { return make(agent_config, spec); },
+            yaml, action_space};
+}
+
+std::vector<Case> cases() {
+    SacConfig sac, sac_impala;
+    sac_impala.network.encoder = EncoderKind::impala;
+    sac_impala.exploration = Exploration::epsilon_greedy;
+    sac_impala.epsilon.epsilon_eval = 0.5;
+    SacdConfig sacd;
+    sacd.network.encoder = EncoderKind::impala;
+    PpoConfig ppo, ppo_shared;
+    ppo.network.encoder = EncoderKind::impala;
+    ppo_shared.network.encoder = EncoderKind::phi_dqn;
+    ppo_shared.torso = Torso::shared;
+    ppo_shared.log_std = LogStd::direct;
+    DqnConfig dqn, nature;
+    dqn.epsilon.epsilon_eval = 0.5;
+    nature.padding = Padding::valid;
+    DerConfig der;
+    der.encoder = EncoderKind::impala;
+    DerConfig rainbow_parts = der;
+    rainbow_parts.distributional = rainbow_parts.noisy = false;
+    const auto joystick = ActionSpace::continuous;
+    return {make_case("sac", "sac", sac, joystick, make_sac),
+            make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
+            make_case("sacd", "sacd", sacd, ActionSpace::full, make_sacd),
+            make_case("ppo", "ppo", ppo, joystick, make_ppo),
+            make_case("ppo_shared", "ppo", ppo_shared, joystick, make_ppo),
+            make_case("ppo_discrete", "ppo", ppo, ActionSpace::minimal, make_ppo),
+            make_case("dqn", "dqn", dqn, ActionSpace::minimal, make_dqn),
+            make_case("nature", "dqn", nature, ActionSpace::minimal, make_dqn),
+            make_case("der", "der", der, ActionSpace::minimal, make_der),
+            make_case("der_parts", "der", rainbow_parts, ActionSpace::minimal, make_der)};
+}
+
+/// What is seen of a game of Breakout that chance plays.
+torch::Tensor game_frames(std::int64_t count) {
+    Env env(protocol_atari100k("breakout"), 3);
+    FrameStack stack(1, 4);
+    std::vector<std::uint8_t> frame(kFrameSize);
+    env.reset(frame);
+    auto observations = torch::empty({count, 4, 84, 84}, torch::kUInt8);
+    StepResult result;
+    for (std::int64_t i = 0; i < count; ++i) {
+        stack.push(0, frame);
+        std::ranges::copy(stack.data(), observations[i].data_ptr<std::uint8_t>());
+        if (result.episode_over) env.reset(frame);
+        const float theta = static_cast<float>(i % 7) - 3;
+        result = env.step(ContinuousAction{1, theta, i % 5 == 0 ? 1.0f : 0.0f}, frame);
+    }
+    return observations;
+}
+
+class ExportEmulator : public testing::TestWithParam<Case> {
+  protected:
+    ExportEmulator() {
+        const auto& [name, agent_name, make, config_yaml, action_space] = GetParam();
+        write_file_atomically(run / "config.yaml", config_yaml());
+        write_file_atomically(run / "metadata.json",
+                              nlohmann::json{{"exp_name", agent_name}, {"cale", "0.1.0"}}.dump());
+        AgentSpec spec;
+        spec.num_actions = action_space == ActionSpace::continuous ? 0
+                           : action_space == ActionSpace::full     ? 18
+                                                                   : 4;
+        agent = make(spec);
+        RunSnapshot snapshot;
+        snapshot.state.step = 1'234;
+        snapshot.state.frame = 4'936;
+        snapshot.agent = agent->state();
+        evaluation_random = restored_generator(snapshot.agent.at("random/evaluation"));
+        checkpoint = write_checkpoint(run, std::move(snapshot), nullptr, nullptr).folder;
+    }
+
+    test::TemporaryFolder folder;
+    fs::path run = folder.path();
+    fs::path checkpoint;
+    std::unique_ptr<Agent> agent;
+    at::Generator evaluation_random;
+};
+
+TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
+    const auto policy = policy_of(run);
+    const auto lite = lite::Policy::parse(policy_file_of(checkpoint));
+    auto workspace = lite.workspace();
+    const auto frames = game_frames(24);
+    const auto expected = agent->act(frames, ActMode::evaluate);
+    EXPECT_TRUE(at::equal(policy.act(frames, Choice::as_evaluated, evaluation_random), expected));
+    const auto greedy = policy.act(frames);
+    for (std::int64_t i = 0; i < frames.size(0); ++i) {
+        const std::span pixels(frames[i].const_data_ptr<std::uint8_t>(), 4 * kFrameSize);
+        const auto decision = lite.act(pixels, workspace);
+        if (policy.info().actions.empty()) {
+            EXPECT_NEAR(decision.stick.radius, greedy[i][0].item<float>(), 1e-5);
+            EXPECT_NEAR(decision.stick.theta, greedy[i][1].item<float>(), 1e-4);
+            EXPECT_NEAR(decision.stick.fire, greedy[i][2].item<float>(), 1e-5);
+        } else {
+            EXPECT_EQ(decision.action, greedy[i].item<std::int64_t>());
+        }
+    }
+
+    const auto& info = policy.info();
+    EXPECT_EQ(info.game, "Breakout");
+    EXPECT_EQ(info.agent, GetParam().agent);
+    EXPECT_EQ(info.threshold, 0.25);
+    EXPECT_TRUE(info.life_loss_ends_episode);
+    EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo");
+    EXPECT_EQ(info.provenance.at("agent_steps"), "1234");
+    EXPECT_EQ(info.provenance.at("seed"), "1");
+    const auto env = env_config_of(info);
+    EXPECT_EQ(env.game, "breakout");
+    EXPECT_EQ(env.threshold, 0.25);
+    EXPECT_EQ(env.action_space, GetParam().action_space);
+    EXPECT_TRUE(env.rom_dir.empty());
+    EXPECT_EQ(info.provenance.at("config").find("somebody"), std::string::npos);
+}
+
+/// What real Python packages, installed by scripts/setup --with-tests, make of the files.
+nlohmann::json read_by_python(const fs::path& policy, const fs::path& model, const fs::path& observations) {
+    const char* dependencies = std::getenv("CALE_DEPS_DIR");
+    const fs::path tools = fs::path(dependencies != nullptr ? dependencies : CALE_DEPS_DIR) / "test-tools";
+    for (const auto* package : {"safetensors", "onnxruntime"}) {
+        if (!fs::exists(tools / package))
+            throw std::runtime_error("no " + (tools / package).string() + ": run scripts/setup --with-tests");
+    }
+    const auto command = "PYTHONPATH='" + tools.string() + "' /usr/bin/python3 '" CALE_READ_POLICY "' '" +
+                         policy.string() + "' '" + model.string() + "' '" + observations.string() + "'";
+    std::FILE* pipe = ::popen(command.c_str(), "r");
+    std::string output;
+    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) output.push_back(static_cast<char>(c));
+    if (::pclose(pipe) != 0) throw std::runtime_error("Python could not read the files: " + command);
+    return nlohmann::json::parse(output);
+}
+
+TEST_P(ExportEmulator, IsReadByPythonAndByOnnxRuntime) {
+    export_policy(checkpoint / "agent.safetensors.zst", folder / "policy.safetensors");
+    export_onnx(folder / "policy.safetensors", folder / "policy.onnx");
+    const auto policy = Policy::load(folder / "policy.safetensors");
+    const auto frames = game_frames(16);
+    const std::string_view pixels(reinterpret_cast<const char*>(frames.const_data_ptr()), frames.nbytes());
+    write_file_atomically(folder / "observations", pixels);
+    const auto read =
+        read_by_python(folder / "policy.safetensors", folder / "policy.onnx", folder / "observations");
+
+    const auto file = parse_policy_file(read_file(folder / "policy.safetensors"));
+    EXPECT_EQ(read["tensors"].size(), file.weights.size() + 2);
+    for (const auto& [name, type, shape] : parameters_of(file.network)) {
+        EXPECT_EQ(read["tensors"][name], (nlohmann::json{"float32", shape})) << name;
+        double sum = 0;
+        for (const float number : file.weights.at(name)) sum += static_cast<double>(number);
+        EXPECT_NEAR(read["sums"][name].get<double>(), sum, 1e-6 * (1 + std::abs(sum))) << name;
+    }
+    for (const auto& [key, text] : policy_file_texts(file)) {
+        EXPECT_EQ(read["metadata"][key], text) << key;
+        EXPECT_EQ(read["model"][key], text) << key;
+    }
+    const auto outputs = policy.output(frames), actions = policy.act(frames);
+    for (std::int64_t i = 0; i < frames.size(0); ++i) {
+        const auto row = read["output"][static_cast<std::size_t>(i)].get<std::vector<float>>();
+        EXPECT_TRUE(at::allclose(outputs[i], torch::tensor(row), 1e-4, 1e-4))
+            << outputs[i] << torch::tensor(row);
+        const auto& action = read["action"][static_cast<std::size_t>(i)];
+        if (policy.info().actions.empty()) {
+            EXPECT_TRUE(
+                at::allclose(actions[i], torch::tensor(action.get<std::vector<float>>()), 1e-4, 1e-4));
+        } else {
+            EXPECT_EQ(actions[i].item<std::int64_t>(), action.get<std::int64_t>());
+        }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Agents, ExportEmulator, testing::ValuesIn(cases()),
+                         [](const auto& chosen) { return chosen.param.name; });
+
+class ExportRefusesEmulator : public ExportEmulator {
+  protected:
+    std::string error() const {
+        return test::error_of<std::runtime_error>([&] { policy_file_of(run); });
+    }
+};
+INSTANTIATE_TEST_SUITE_P(One, ExportRefusesEmulator, testing::Values(cases()[3]));
+
+TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
+    const auto prefix = "no policy can be made of '" + run.string() + "': ";
+    auto bytes = read_file(checkpoint / "agent.safetensors.zst");
+    bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+    const auto whole = read_file(checkpoint / "agent.safetensors.zst");
+    write_file_atomically(checkpoint / "agent.safetensors.zst", bytes);
+    EXPECT_THAT(error(), HasSubstr(prefix));
+    EXPECT_THAT(error(), HasSubstr("agent.safetensors.zst"));
+    write_file_atomically(checkpoint / "agent.safetensors.zst", whole);
+    EXPECT_EQ(error(), "no error");
+
+    auto yaml = read_file(run / "config.yaml");
+    yaml.replace(yaml.find("hidden_units: 64"), 16, "hidden_units: 32");
+    write_file_atomically(run / "config.yaml", yaml);
+    EXPECT_THAT(error(), HasSubstr("is not of the shape that config.yaml asks for"));
+    write_file_atomically(run / "metadata.json", R"({"exp_name": "a2c"})");
+    EXPECT_EQ(error(), prefix + "its agent is 'a2c': policies can be made of sac, sacd, ppo, dqn, der");
+    fs::remove_all(checkpoint);
+    EXPECT_EQ(error(), prefix + "it has no checkpoint yet");
+    fs::remove(run / "config.yaml");
+    EXPECT_EQ(error(), prefix + "it is the folder of neither a run nor a checkpoint");
+}
+
+TEST(ExportTest, AConfigurationThatIsNone) {
+    PolicyInfo info;
+    info.game = "Pong";
+    EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }), HasSubstr("it holds none"));
+    info.provenance["config"] = "env:\n  game: pong\n  colour: red\n";
+    EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }), HasSubstr("env.colour"));
+    info.provenance["config"] = "env: [";
+    EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }),
+                HasSubstr("policy of Pong"));
+}
+
+}  // namespace
+}  // namespace cale

@@ -1,0 +1,956 @@
+// train_sac and cale from their command lines to their exit codes.
+#include "train/program.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <ATen/Parallel.h>
+#include <fmt/format.h>
+#include <torch/types.h>
+#include <nlohmann/json.hpp>
+
+#include "agents/ppo.h"
+#include "agents/sac.h"
+#include "cale/games.h"
+#include "settings/versions.h"
+#include "storage/files.h"
+#include "storage/run_lock.h"
+#include "support/temporary_folder.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+
+struct Answer {
+    int code;
+    std::string stderr_text;
+};
+
+template <class Config>
+Answer train(const std::string& agent, std::unique_ptr<Agent> (*make)(const Config&, const AgentSpec&),
+             const std::vector<std::string>& arguments) {
+    const auto program = "train_" + agent;
+    std::vector<const char*> argv{program.c_str()};
+    for (const auto& argument : arguments) argv.push_back(argument.c_str());
+    testing::internal::CaptureStderr();
+    const int code = run_program<Config>(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
+    return {code, testing::internal::GetCapturedStderr()};
+}
+
+Answer train_sac(const std::vector<std::string>& arguments) {
+    return train("sac", make_sac, arguments);
+}
+
+/// Resumes the run in this folder, to so many steps.
+std::vector<std::string> resuming(const std::filesystem::path& run, int steps,
+                                  const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"--resume", "--run-dir", run.string(), "--no-progress",
+                                       "train.total_steps=" + std::to_string(steps)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+/// A run of a few steps with a small network.
+std::vector<std::string> small(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"--run-dir",
+                                          run_dir.string(),
+                                          "--threads",
+                                          "1",
+                                          "--no-progress",
+                                          "agent.encoder=phi_dqn",
+                                          "agent.hidden_units=8",
+                                          "agent.replay_capacity=1000",
+                                          "train.total_steps=12",
+                                          "eval.episodes=0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
+    const TemporaryFolder folder;
+    const auto answer = train_sac(small(folder.path() / "run", {"env.game=ALE/MsPacman-v5", "--seed", "5"}));
+    EXPECT_EQ(answer.code, 0) << answer.stderr_text;
+    EXPECT_THAT(read_file(folder.path() / "run" / "config.yaml"), testing::HasSubstr("seed: 5"));
+    EXPECT_THAT(read_file(folder.path() / "run" / "metadata.json"), testing::HasSubstr("ALE/MsPacman-v5"));
+}
+
+/// Has no settings.
+struct WalkConfig {
+    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+};
+template <class Visit>
+void fields(WalkConfig&, Visit&&) {}
+
+/// Pushes the joystick to the right.
+class Walk : public Agent {
+  public:
+    torch::Tensor act(const torch::Tensor& observations, ActMode) override {
+        return torch::tensor({1.0f, 0.0f, 0.0f}).repeat({observations.size(0), 1});
+    }
+    void observe(const Experiences&) override {}
+    bool update(const torch::Tensor&) override { return false; }
+    std::map<std::string, double> metrics() override { return {}; }
+    TensorMap state() override { return {}; }
+    void load_state(const TensorMap&) override {}
+};
+
+nlohmann::json metadata_of(const std::filesystem::path& run) {
+    return nlohmann::json::parse(read_file(run / "metadata.json"));
+}
+
+TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"env.game=breakout", "--seed", "5"})).code, 0);
+    const auto first = metadata_of(folder.path());
+    EXPECT_EQ(first["rom_md5"], "f34f08e5eb96e500e851a80be3277a56");
+    EXPECT_EQ(first["commit"], cale_commit());
+    EXPECT_TRUE(first["cpu"].is_string() && !first["cpu"].get<std::string>().empty());
+    EXPECT_EQ(first["seed"], 5);
+    EXPECT_EQ(first["threads"], 1);
+    EXPECT_EQ(first["processes"], 1);
+    EXPECT_GT(first["wall_seconds"], 0.0);
+    EXPECT_EQ(first["finished"], true);
+    EXPECT_TRUE(first["stopped"].is_null());
+    EXPECT_FALSE(first.contains("resumed"));
+
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    ASSERT_EQ(longer.code, 0) << longer.stderr_text;
+    const auto second = metadata_of(folder.path());
+    EXPECT_GT(second["wall_seconds"], first["wall_seconds"]) << "of both sittings";
+    EXPECT_EQ(second["started"], first["started"]);
+    EXPECT_EQ(second["command"], first["command"]);
+    ASSERT_EQ(second["resumed"].size(), 1u);
+    EXPECT_EQ(second["resumed"][0]["commit"], cale_commit());
+    EXPECT_THAT(second["resumed"][0]["command"].get<std::string>(), testing::HasSubstr("--resume"));
+}
+
+TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
+    struct Stopping : Walk {
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (++decisions == 5) raise(SIGTERM);
+            return Walk::act(observations, mode);
+        }
+        int decisions = 0;
+    };
+    struct Failing : Walk {
+        torch::Tensor act(const torch::Tensor&, ActMode) override {
+            throw std::runtime_error("the actor's output is not finite");
+        }
+    };
+    const TemporaryFolder folder;
+    const auto run = [&](const std::string& name, auto make) {
+        const auto code = train("walk", +make,
+                                {"--run-dir", folder / name, "--threads", "1", "--no-progress",
+                                 "train.total_steps=20", "eval.episodes=0"})
+                              .code;
+        const auto metadata = metadata_of(folder / name);
+        EXPECT_EQ(metadata["finished"], false);
+        return fmt::format("{}: {}", code, metadata["stopped"].get<std::string>());
+    };
+    EXPECT_EQ(run("stopped",
+                  [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
+                      return std::make_unique<Stopping>();
+                  }),
+              "130: SIGTERM");
+    EXPECT_EQ(run("failed",
+                  [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
+                      return std::make_unique<Failing>();
+                  }),
+              "1: the actor's output is not finite");
+}
+
+TEST(ProgramEmulator, MetadataThatAreDamagedAreNamedAndLeftAlone) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto file = folder.path() / "metadata.json";
+    const auto good = read_file(file);
+    const auto resume = [&](const std::vector<std::string>& more = {}) {
+        return train_sac(resuming(folder.path(), 20, more));
+    };
+    for (const std::string& damaged :
+         {good.substr(0, good.size() / 2), std::string("[]"), std::string(),
+          std::string(R"({"threads": "2"})"), std::string(R"({"threads": 0})"),
+          std::string(R"({"wall_seconds": -1})"), std::string(R"({"resumed": {"at": 1}})")}) {
+        write_file_atomically(file, damaged);
+        for (const auto& more : std::vector<std::vector<std::string>>{{}, {"--threads", "1"}}) {
+            const auto answer = resume(more);
+            EXPECT_EQ(answer.code, 3) << damaged;
+            EXPECT_THAT(answer.stderr_text, testing::HasSubstr(file.string() + " is damaged: "));
+            EXPECT_THAT(answer.stderr_text, testing::HasSubstr("put a copy of it back"));
+            EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1);
+            EXPECT_EQ(read_file(file), damaged) << "nothing is lost";
+        }
+    }
+    std::filesystem::remove(file);
+    EXPECT_THAT(resume().stderr_text, testing::HasSubstr("say --threads with that number"));
+    EXPECT_EQ(resume({"--threads", "1"}).code, 0) << "as the sentence says";
+    EXPECT_EQ(metadata_of(folder.path())["finished"], true);
+}
+
+TEST(ProgramEmulator, MetadataOfAnOlderVersionAreCarriedOn) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    auto old = metadata_of(folder.path());
+    for (const auto* key : {"commit", "cpu", "rom_md5", "wall_seconds", "finished", "stopped"})
+        old.erase(key);
+    old["somebody's"] = "note";
+    write_file_atomically(folder.path() / "metadata.json", old.dump());
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    ASSERT_EQ(longer.code, 0) << longer.stderr_text;
+    const auto now = metadata_of(folder.path());
+    EXPECT_EQ(now["somebody's"], "note");
+    EXPECT_EQ(now["finished"], true);
+    EXPECT_GT(now["wall_seconds"], 0.0);
+}
+
+TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    const auto wrong = folder.write("roms/pong.bin", "no game").parent_path().string();
+    for (const auto& [mistake, said] : std::vector<std::pair<std::string, std::string>>{
+             {"env.gmae=pong", "env.game"},
+             {"env.game=pongg", "pong"},
+             {"env.game=pong,breakout", "`cale sweep` trains"},
+             {"agent.encoder=IMPALA", "did you mean 'impala'?"},
+             {"train.seed=12345678901234567890", "0 to 4294967295"},
+             {"env.threshold=1.5", "0 to 1"},
+             {"env.rom_dir=/nowhere", "/nowhere"},
+             {"env.rom_dir=/m\xfcller", "which is UTF-8"},
+             {"env.rom_dir=" + wrong, "with MD5"}}) {
+        const auto answer = train_sac(small(run, {mistake}));
+        EXPECT_EQ(answer.code, 2) << mistake;
+        EXPECT_THAT(answer.stderr_text, testing::HasSubstr(said)) << mistake;
+        EXPECT_EQ(std::count(answer.stderr_text.begin(), answer.stderr_text.end(), '\n'), 1)
+            << answer.stderr_text;
+        EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
+    }
+    EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
+}
+
+TEST(ProgramEmulator, AConfigurationOfAnotherAgentIsNamedAsSuch) {
+    const auto answer = train_sac({"--config", CALE_SOURCE_DIR "/configs/dqn/atari100k.yaml"});
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_THAT(answer.stderr_text, testing::EndsWith("; this is a configuration of train_dqn\n"));
+}
+
+TEST(ProgramEmulator, WhatDoesNotFitIntoMemoryIsRefusedBeforeItIsMade) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "runs" / "run";
+    const auto answer = train_sac(small(run, {"agent.hidden_units=65536", "agent.hidden_layers=16"}));
+    EXPECT_EQ(answer.code, 1);
+    EXPECT_THAT(
+        answer.stderr_text,
+        testing::AllOf(testing::StartsWith("train_sac: the network, with its gradients, Adam's moments and "
+                                           "checkpoints, needs "),
+                       testing::EndsWith(" GB are available: lower agent.hidden_units or "
+                                         "agent.hidden_layers\n")));
+    EXPECT_FALSE(std::filesystem::exists(run.parent_path()));
+}
+
+std::unique_ptr<Agent> make_nothing(const SacConfig&, const AgentSpec&) {
+    throw std::runtime_error("nothing is made");
+}
+
+TEST(ProgramEmulator, SaysWhatItTrainsBeforeItMakesIt) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "runs" / "run";
+    const auto answer = train("sac", make_nothing, small(run));
+    EXPECT_EQ(answer.code, 1);
+    EXPECT_THAT(answer.stderr_text,
+                testing::AllOf(testing::StartsWith("sac on ALE/Pong-v5\n  encoder       phi_dqn\n"),
+                               testing::HasSubstr("  run folder    " + run.string() + "\n"),
+                               testing::EndsWith("\ntrain_sac: nothing is made\n")));
+    EXPECT_FALSE(std::filesystem::exists(run.parent_path())) << "nor does it leave a folder behind";
+}
+
+TEST(ProgramEmulator, RunsThatStartInTheSameSecondHaveFoldersOfTheirOwn) {
+    const TemporaryFolder folder;
+    const auto before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    const auto now = std::time(nullptr);
+    for (int second = 0; second < 60; ++second) {  // as other runs would have made them
+        std::filesystem::create_directories(fmt::format("runs/Pong__sac__1__{}", now + second));
+        std::filesystem::create_directories(fmt::format("runs/Pong__sac__1__{}_2", now + second));
+    }
+    auto arguments = small("");
+    arguments.erase(arguments.begin(), arguments.begin() + 2);  // --run-dir
+    const auto answer = train_sac(arguments);
+    std::filesystem::current_path(before);
+    EXPECT_EQ(answer.code, 0) << answer.stderr_text;
+    std::vector<std::string> trained;
+    for (const auto& run : std::filesystem::directory_iterator(folder / "runs"))
+        if (!std::filesystem::is_empty(run)) trained.push_back(run.path().filename());
+    EXPECT_THAT(trained, testing::ElementsAre(testing::EndsWith("_3")));
+}
+
+TEST(ProgramEmulator, ARunThatWasStoppedBeforeItsFirstCheckpointCanBeStarted) {
+    const TemporaryFolder folder;
+    const auto resume = [&] {
+        return train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress"});
+    };
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    std::filesystem::remove_all(folder / "checkpoints");
+    folder.write("progress.csv", "");
+    folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n1\n");
+    EXPECT_EQ(train_sac(small(folder.path())).code, 2) << "what it recorded is not overwritten";
+    EXPECT_THAT(resume().stderr_text, testing::HasSubstr("; give --run-dir another folder\n"));
+
+    folder.write("episodes.csv", "#{}\nr,l,t,global_step,frame,seed,env,truncated\n");
+    const auto resumed = resume();
+    EXPECT_EQ(resumed.code, 3);
+    EXPECT_THAT(resumed.stderr_text,
+                testing::HasSubstr("holds no checkpoint to resume from; start the run again, "
+                                   "without --resume\n"));
+    EXPECT_EQ(train_sac(small(folder.path())).code, 0);
+}
+
+TEST(ProgramEmulator, AConfigurationThatIsNoRunsIsNotOverwritten) {
+    const TemporaryFolder folder;
+    folder.write("config.yaml", "env: {game: pong}\n");
+    EXPECT_EQ(train_sac(small(folder.path())).code, 2);
+    EXPECT_EQ(folder.read("config.yaml"), "env: {game: pong}\n");
+}
+
+TEST(ProgramEmulator, ACheckpointsFolderIsNoRunsAndStaysAsItIs) {
+    const TemporaryFolder folder;
+    const auto run = std::filesystem::canonical(folder.path()) / "run";
+    ASSERT_EQ(train_sac(small(run)).code, 0);
+    for (const auto* inside : {"checkpoints/step_000000012", "checkpoints/step_000000012/", "checkpoints"}) {
+        const auto answer = train_sac({"--resume", "--run-dir", (run / inside).string()});
+        EXPECT_EQ(answer.code, 3);
+        EXPECT_EQ(answer.stderr_text,
+                  fmt::format("train_sac: {} is a part of the run {}; give --run-dir that\n",
+                              (run / inside).string(), run.string()));
+        EXPECT_FALSE(std::filesystem::exists(run / inside / ".lock"));
+    }
+}
+
+TEST(ProgramEmulator, OverlapIsForAgentsWithAReplay) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    const auto answer = train("ppo", make_ppo, {"--run-dir", run.string(), "train.overlap=true"});
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_THAT(answer.stderr_text, testing::HasSubstr("train.overlap: ppo learns only from"));
+    EXPECT_FALSE(std::filesystem::exists(run));
+    EXPECT_EQ(train_sac(small(run, {"train.overlap=true"})).code, 0);
+}
+
+TEST(ProgramEmulator, AResumedRunKeepsItsThreads) {
+    const TemporaryFolder folder;
+    const int before = at::get_num_threads();
+    auto arguments = small(folder.path());
+    arguments[3] = "2";  // of --threads
+    ASSERT_EQ(train_sac(arguments).code, 0);
+    at::set_num_threads(1);
+    // Without --threads: auto.
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(longer.code, 0) << longer.stderr_text;
+    EXPECT_EQ(at::get_num_threads(), 2);
+    at::set_num_threads(before);
+}
+
+TEST(ProgramEmulator, AFolderWithARunIsNotOverwritten) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto again = train_sac(small(folder.path()));
+    EXPECT_EQ(again.code, 2);
+    EXPECT_THAT(again.stderr_text, testing::HasSubstr("--resume"));
+}
+
+TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
+    const TemporaryFolder folder;
+    EXPECT_EQ(train_sac({"--resume", "--run-dir", (folder.path() / "none").string()}).code, 3);
+
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto other =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "agent.gamma=0.5", "--no-progress"});
+    EXPECT_EQ(other.code, 3);
+    EXPECT_THAT(other.stderr_text, testing::HasSubstr("agent.gamma was 0.99 and is now 0.5"));
+
+    const auto longer =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(longer.code, 0) << longer.stderr_text;
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "checkpoints" / "step_000000020"));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
+}
+
+TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto resume = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{
+            "--resume",        "--run-dir", folder.path().string(), "--no-progress", "train.total_steps=20",
+            "--accept-changes"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return train_sac(arguments);
+    };
+    const auto other_game = resume({"env.game=breakout", "agent.learning_rate=0.5"});
+    EXPECT_EQ(other_game.code, 3);
+    EXPECT_THAT(other_game.stderr_text, testing::HasSubstr("cannot go on in another environment: env.game"));
+    EXPECT_THAT(read_file(folder.path() / "metadata.json"),
+                testing::Not(testing::HasSubstr("accepted_changes")));
+
+    const auto changed = resume({"agent.learning_rate=0.5"});
+    EXPECT_EQ(changed.code, 0) << changed.stderr_text;
+    EXPECT_THAT(changed.stderr_text, testing::HasSubstr("changed in mid-run: agent.learning_rate was"));
+    EXPECT_THAT(read_file(folder.path() / "metadata.json"), testing::HasSubstr("agent.learning_rate was"));
+    const auto misfit = resume({"agent.hidden_units=9"});
+    EXPECT_EQ(misfit.code, 3) << "another network";
+    EXPECT_THAT(misfit.stderr_text,
+                testing::HasSubstr("what is stored may not fit agent.hidden_units was 8 and is now 9: "));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("hidden_units: 8"));
+    EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
+}
+
+/// A run of three rollouts with a small network.
+std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"--run-dir",
+                                          run_dir.string(),
+                                          "--threads",
+                                          "1",
+                                          "--no-progress",
+                                          "agent.encoder=phi_dqn",
+                                          "agent.hidden_units=8",
+                                          "agent.rollout_steps=8",
+                                          "agent.minibatch_size=4",
+                                          "agent.epochs=1",
+                                          "train.total_steps=24",
+                                          "eval.episodes=0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+}
+
+TEST(ProgramEmulator, ARunWhoseScheduleLastsForAllOfItIsLengthenedOnlyWhenToldTo) {
+    const TemporaryFolder folder;
+    const auto lengthened = [](const std::filesystem::path& run, const std::vector<std::string>& more = {}) {
+        return train("ppo", make_ppo, resuming(run, 32, more));
+    };
+    const auto annealed = folder.path() / "annealed";
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(annealed)).code, 0);
+    const auto refused = lengthened(annealed);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_THAT(refused.stderr_text,
+                testing::HasSubstr("train.total_steps was 24 and is now 32, which changes the schedule of "
+                                   "agent.anneal_learning_rate; resume with the run's own"));
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("say --accept-changes"));
+    const auto accepted = lengthened(annealed, {"--accept-changes"});
+    EXPECT_EQ(accepted.code, 0) << accepted.stderr_text;
+    EXPECT_THAT(read_file(annealed / "metadata.json"), testing::HasSubstr("train.total_steps was 24"));
+    EXPECT_EQ(lengthened(annealed).code, 0) << "accepted once is enough";
+
+    for (const std::string constant : {"agent.anneal_learning_rate=false", "agent.anneal_steps=5"}) {
+        const auto run = folder.path() / constant;
+        ASSERT_EQ(train("ppo", make_ppo, small_ppo(run, {constant})).code, 0);
+        const auto answer = lengthened(run);
+        EXPECT_EQ(answer.code, 0) << constant << ": " << answer.stderr_text;
+    }
+}
+
+TEST(ProgramEmulator, ARunSaysWhichScheduleLastsForAllOfIt) {
+    const TemporaryFolder folder;
+    const auto metadata = [&](const std::string& run) {
+        return read_file(folder.path() / run / "metadata.json");
+    };
+    ASSERT_EQ(train_sac(small(folder.path() / "sac")).code, 0);
+    EXPECT_THAT(metadata("sac"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(folder.path() / "ppo")).code, 0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"agent.anneal_learning_rate\""));
+    const auto run = (folder.path() / "ppo").string();
+    ASSERT_EQ(train("ppo", make_ppo,
+                    {"--resume", "--run-dir", run, "--no-progress", "--accept-changes",
+                     "agent.anneal_learning_rate=false"})
+                  .code,
+              0);
+    EXPECT_THAT(metadata("ppo"), testing::HasSubstr("\"schedule_over_run\": \"\""));
+}
+
+TEST(Program, SettingsThatDoNotFitTogetherAreRefusedBeforeTheyArePrinted) {
+    const auto print = [](std::vector<std::string> settings) {
+        settings.insert(settings.begin(), "--print-config");
+        testing::internal::CaptureStdout();
+        auto answer = train("ppo", make_ppo, settings);
+        return std::pair(answer, testing::internal::GetCapturedStdout());
+    };
+    const auto [fine, printed] = print({"agent.minibatch_size=128"});
+    EXPECT_EQ(fine.code, 0) << fine.stderr_text;
+    EXPECT_THAT(printed, testing::HasSubstr("minibatch_size: 128"));
+    const std::string multiple = "agent.rollout_steps is 1024, which is no multiple of ";
+    for (const auto& [settings, sentence] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+             {{"agent.minibatch_size=300"}, multiple + "agent.minibatch_size = 300; change one of the two"},
+             {{"env.num_envs=3"}, multiple + "env.num_envs = 3; change one of the two"},
+             {{"train.overlap=true"}, "train.overlap: ppo learns only from"},
+             {{"agent.replay_terminal=dopamine", "env.num_envs=2"},
+              "dopamine is a rule for env.num_envs = 1"},
+             {{"agent.stack_after_update=repeated", "env.num_envs=2"}, "repeated is for env.num_envs = 1"}}) {
+        const auto [refused, nothing] = print(settings);
+        EXPECT_EQ(refused.code, 2) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("train_ppo: ")) << sentence;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr(sentence));
+        EXPECT_EQ(nothing, "");
+    }
+    const auto joystick = train_sac({"--print-config", "env.action_space=minimal"});
+    EXPECT_EQ(joystick.code, 2);
+    EXPECT_THAT(joystick.stderr_text, testing::HasSubstr("set env.action_space to continuous"));
+}
+
+TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfiguration) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto config = folder.path() / "config.yaml";
+    const auto settings = read_file(config);
+    const auto resume = [&](const std::vector<std::string>& more = {}) {
+        return train_sac(resuming(folder.path(), 20, more));
+    };
+    write_file_atomically(config, settings + "\n");  // says the same
+    EXPECT_EQ(resume().code, 0);
+    auto edited = settings;
+    edited.replace(edited.find("gamma: 0.99"), 11, "gamma: 0.5 ");
+    for (const auto& text : {edited, std::string()}) {
+        write_file_atomically(config, text);
+        const auto answer = resume();
+        EXPECT_EQ(answer.code, 3);
+        EXPECT_THAT(answer.stderr_text, testing::HasSubstr("another configuration: "));
+    }
+    write_file_atomically(config, settings);
+    ASSERT_EQ(resume({"--accept-changes", "agent.learning_rate=0.5"}).code, 0);
+    EXPECT_EQ(resume().code, 0) << "accepted once is enough";
+}
+
+TEST(ProgramEmulator, ARunCannotBecomeShorterThanItIs) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto shorter =
+        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=5", "--no-progress"});
+    EXPECT_EQ(shorter.code, 3);
+    EXPECT_THAT(shorter.stderr_text,
+                testing::HasSubstr("it is at agent step 12 already, and train.total_steps is 5"));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 12"));
+}
+
+TEST(ProgramEmulator, AFolderThatCannotBeMadeIsNamed) {
+    const TemporaryFolder folder;
+    const auto file = folder.write("file", "");
+    const auto answer = train_sac(small(file / "run"));
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_THAT(answer.stderr_text, testing::HasSubstr("--run-dir " + (file / "run").string() +
+                                                       ": the folder cannot be made (Not a directory)"));
+}
+
+TEST(ProgramEmulator, ARunIsTrainedByOneProcessAtATime) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const RunLock lock(folder.path());
+    const auto second = train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20"});
+    EXPECT_EQ(second.code, 1);
+    EXPECT_THAT(second.stderr_text, testing::HasSubstr("is training in " + folder.path().string()));
+    EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 12"));
+}
+
+// ---- cale -----------------------------------------------------------------------------
+
+struct Said {
+    int code = 0;
+    std::string text{};  // on both outputs
+};
+
+Said shell_says(const std::string& command) {
+    std::FILE* const pipe = ::popen(command.c_str(), "r");
+    Said said;
+    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) said.text.push_back(static_cast<char>(c));
+    said.code = WEXITSTATUS(::pclose(pipe));
+    return said;
+}
+
+/// The program `cale`, in `folder`, with a shell's words.
+Said cale_says(const std::string& words, const std::filesystem::path& folder = ".") {
+    return shell_says(
+        fmt::format("cd '{}' && {}/cale {} 2>&1 < /dev/null", folder.string(), CALE_BINARY_DIR, words));
+}
+
+TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
+    for (
+        const auto& [words, sentence] : std::vector<std::pair<std::string, std::string>>{
+            {"evalute", "cale: unknown command 'evalute'; did you mean 'evaluate'?"},
+            {"nosuch", "cale: unknown command 'nosuch'; cale --help lists them"},
+            {"train_sac",
+             "cale: train_sac is a program of its own: train_sac env.game=pong (see train_sac --help)"},
+            {"der x",
+             "cale: train_der is a program of its own: train_der env.game=pong (see train_der --help)"},
+            {"train",
+             "cale: unknown command 'train'; agents are trained by programs of their own: train_sac, "
+             "train_sacd, "
+             "train_ppo, train_dqn, train_der"},
+            {"--verson", "cale: unknown option '--verson'; did you mean '--version'? (see cale --help)"},
+            {"evaluate", "cale evaluate: POLICY is missing (see cale evaluate --help)"},
+            {"evaluate --frobnicate",
+             "cale evaluate: unknown option '--frobnicate' (see cale evaluate --help)"},
+            {"evaluate x --epislon=0",
+             "cale evaluate: unknown option '--epislon'; did you mean '--epsilon'? (see cale evaluate "
+             "--help)"},
+            {"evaluate x env.game=pong",
+             "cale evaluate: unexpected argument 'env.game=pong'; settings are given as --set KEY=VALUE (see "
+             "cale evaluate --help)"},
+            {"evaluate x --seed", "cale evaluate: --seed needs a value (see cale evaluate --help)"},
+            {"evaluate x --seed 1 --seed 2",
+             "cale evaluate: --seed is given more than once (see cale evaluate --help)"},
+            {"evaluate x --video=maybe", "cale evaluate: --video takes no value (see cale evaluate --help)"},
+            {"evaluate x --greedy --sampled", "cale evaluate: --greedy excludes --sampled: give one of them"},
+            {"evaluate x --protocol fixed_step",
+             "cale evaluate: --protocol is 'fixed_step': give fixed_episodes or fixed_steps; did you mean "
+             "'fixed_steps'?"},
+            {"evaluate x --out ''", "cale evaluate: --out is '': give DIR, or leave it out"},
+            {"evaluate x --out --video", "cale evaluate: --out is '--video': give DIR, or leave it out"},
+            {"map -o ''", "cale map: --output is '': give FILE, or leave it out"},
+            {"evaluate x --video-episode 3",
+             "cale evaluate: --video-episode requires --video: give both, or neither"},
+            {"report x --baselines-file y",
+             "cale report: --baselines-file requires --baselines: give both, or neither"},
+            {"evaluate x --device foo",
+             "cale evaluate: --device must be auto, cpu, cuda or cuda:<index>, not 'foo'"},
+            {"play", "cale play: give a GAME, a --policy FILE, or both"},
+            {"map -o .", "cale map: --output .: that is a folder; give the name of a file"},
+            {"export x -o /nowhere/x",
+             "cale export: --output /nowhere/x: there is no folder '/nowhere'; make it, or give another"}}) {
+        const auto said = cale_says(words);
+        EXPECT_EQ(said.text, sentence + "\n");
+        EXPECT_EQ(said.code, 2) << words;
+    }
+}
+
+TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(
+        train_sac(small(folder.path() / "run", {"env.game=breakout", "env.terminal_on_life_loss=true"})).code,
+        0);
+    const auto evaluated = [&](const std::string& out, const std::string& words) {
+        const auto said =
+            cale_says("evaluate run --sampled --episodes 1 --noop-max 0 --out " + out + words, folder.path());
+        EXPECT_EQ(said.code, 0) << said.text;
+        return said.text;
+    };
+    const std::string note = "cale evaluate: env.terminal_on_life_loss=false is not applied: ";
+    EXPECT_THAT(evaluated("as_trained", ""), testing::Not(testing::HasSubstr(note)));
+    EXPECT_THAT(evaluated("set", " --set env.terminal_on_life_loss=false"), testing::HasSubstr(note));
+    const auto games = read_file(folder.path() / "as_trained" / "evaluation.csv");
+    EXPECT_EQ(read_file(folder.path() / "set" / "evaluation.csv"), games);
+    EXPECT_THAT(read_file(folder.path() / "set" / "evaluation.json"),
+                testing::HasSubstr("\"env.terminal_on_life_loss\": \"true\""));
+    // A step that a lost life cuts short has fewer than four frames.
+    const auto row = games.substr(games.find('\n') + 1);
+    double episode = 0, episode_return = 0, length = 0, frames = 0;
+    ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%lf,%lf,%lf", &episode, &episode_return, &length, &frames), 4)
+        << row;
+    EXPECT_LT(frames, 4 * length - 4) << "more than its last step was cut short";
+}
+
+TEST(EveryProgram, FailsWhereItsStandardOutputCannotBeWritten) {
+    for (const std::string words :
+         {"cale games", "cale games --csv", "cale games pong", "cale map", "cale --help", "cale games --help",
+          "cale --version", "cale completion bash", "train_sac --help", "train_sac --version",
+          "train_sac --print-config"}) {
+        const auto said = shell_says(fmt::format("{}/{} 2>&1 > /dev/full", CALE_BINARY_DIR, words));
+        EXPECT_EQ(said.code, 1) << words;
+        EXPECT_THAT(said.text,
+                    testing::ContainsRegex(
+                        "^[a-z_ ]+: cannot write to the standard output: (No space left on device|part "
+                        "of it is lost; is the disk full\\?)\n$"))
+            << words;
+    }
+}
+
+TEST(EveryProgram, TakesAConfigurationFromAnotherCommand) {
+    const auto said = shell_says(
+        fmt::format("bash -c '{}/train_sac --config <(echo \"train: {{seed: 77}}\") --print-config' 2>&1",
+                    CALE_BINARY_DIR));
+    EXPECT_EQ(said.code, 0) << said.text;
+    EXPECT_THAT(said.text, testing::HasSubstr("seed: 77\n"));
+    const auto endless = shell_says(fmt::format("{}/train_sac --config /dev/zero 2>&1", CALE_BINARY_DIR));
+    EXPECT_EQ(endless.code, 2);
+    EXPECT_EQ(
+        endless.text,
+        "train_sac: cannot read '/dev/zero': it is no regular file, and more comes out of it than 1048576 "
+        "bytes\n");
+}
+
+TEST(CaleProgram, NumbersAreAllThatIsWritten) {
+    const std::string whole = "give a whole number from ", any = "give a number from ";
+    for (const auto& [words, way_out] : std::vector<std::pair<std::string, std::string>>{
+             {"evaluate x --episodes x", whole + "1 to 1000000"},
+             {"evaluate x --episodes 2.5", whole + "1 to 1000000"},
+             {"evaluate x --seed -1", whole + "0 to 4294967295"},
+             {"evaluate x --seed 99999999999999999999", whole},
+             {"evaluate x --epsilon nan", any + "0 to 1"},
+             {"evaluate x --epsilon 2", any + "0 to 1"},
+             {"evaluate x --video --video-minutes nan", any},
+             {"map --threshold nan", any + "0 to 1"},
+             {"play pong --speed nan", any + "0 to 100"},
+             {"play pong --seed -5", whole}}) {
+        const auto said = cale_says(words);
+        const auto value = words.substr(words.rfind(' ') + 1);
+        EXPECT_THAT(said.text, testing::HasSubstr(" is '" + value + "': " + way_out)) << words;
+        EXPECT_EQ(std::count(said.text.begin(), said.text.end(), '\n'), 1) << said.text;
+        EXPECT_EQ(said.code, 2) << words;
+    }
+}
+
+TEST(CaleProgram, HelpAndVersion) {
+    const auto help = cale_says("--help");
+    EXPECT_EQ(help.code, 0);
+    EXPECT_EQ(cale_says("help").text, help.text);
+    const auto nothing = cale_says("");
+    EXPECT_EQ(nothing.text, help.text);
+    EXPECT_EQ(nothing.code, 2);
+    for (const std::string command :
+         {"bench", "completion", "evaluate", "export", "games", "map", "play", "report", "sweep"}) {
+        const auto text = cale_says("help " + command).text;
+        EXPECT_EQ(text, cale_says(command + " --help").text);
+        EXPECT_THAT(text, testing::AllOf(testing::HasSubstr("Examples:\n  "),
+                                         testing::HasSubstr("cale " + command + " "),
+                                         testing::HasSubstr("Exit codes: 0 ")));
+    }
+    EXPECT_THAT(cale_says("--version").text,
+                testing::MatchesRegex("cale [0-9.]+ \\(LibTorch [0-9.]+.*, ALE [0-9.]+\\)\n"));
+}
+
+TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
+    const TemporaryFolder folder;
+    folder.write("text.txt", "A text, whose first letters would be a length of millions of gigabytes.");
+    const auto text = cale_says("export text.txt -o out", folder.path());
+    EXPECT_EQ(text.code, 1);
+    EXPECT_THAT(text.text, testing::StartsWith("cale export: 'text.txt' is not a policy file: it does not"));
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "out"));
+    // /dev/zero would be read for ever.
+    EXPECT_EQ(cale_says("evaluate /dev/null").text,
+              "cale evaluate: '/dev/null' is not a policy file: it is no regular file\n");
+}
+
+TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
+    const TemporaryFolder folder;
+    folder.write("sweeps/encoders/a/episodes.csv",
+                 "#{\"t_start\":0.0,\"env_id\":\"ALE/Pong-v5\",\"agent\":\"sac\",\"seed\":1}\n"
+                 "r,l,t,global_step,frame,seed,env,truncated\n-20,100,1.5,100,400,1,0,0\n");
+    folder.write("sweeps/encoders/a/config.yaml", "agent: {encoder: phi_sac}\n");
+    for (const std::string runs : {"sweeps/encoders", "sweeps/encoders/", "sweeps/encoders/a/.."}) {
+        const auto said = cale_says("report --resamples 10 " + runs, folder.path());
+        EXPECT_EQ(said.code, 0) << said.text;
+        EXPECT_THAT(said.text, testing::HasSubstr("reports/encoders/report.html"));
+        EXPECT_GT(std::filesystem::remove_all(folder.path() / "reports/encoders"), 1u) << runs;
+    }
+    EXPECT_EQ(cale_says("report sweeps -o sweeps/encoders/a/config.yaml", folder.path()).text,
+              "cale report: --output sweeps/encoders/a/config.yaml: this folder cannot be made: Not a "
+              "directory; give another\n");
+}
+
+TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
+    const TemporaryFolder folder;
+    const auto add_run = [&](const std::string& game, int seed) {
+        const auto run = fmt::format("runs/{}{}", game, seed);
+        folder.write(run + "/episodes.csv",
+                     fmt::format("#{{\"env_id\":\"ALE/{}-v5\",\"agent\":\"sac\",\"seed\":{}}}\n"
+                                 "r,l,t,global_step,frame,seed,env,truncated\n1,100,1.5,100,400,1,0,0\n",
+                                 game, seed));
+        folder.write(run + "/config.yaml", "agent: {encoder: phi_sac}\n");
+    };
+    add_run("Pong", 1);
+    add_run("Pong", 2);
+    add_run("Boxing", 1);
+    EXPECT_EQ(cale_says("report runs --resamples 10", folder.path()).code, 0);
+    const auto incomplete = cale_says("report runs --resamples 10 --strict", folder.path());
+    EXPECT_EQ(incomplete.code, 1);
+    EXPECT_THAT(incomplete.text, testing::HasSubstr("1 run is missing:\n  sac on Boxing, seed 2\n"));
+    EXPECT_THAT(incomplete.text,
+                testing::HasSubstr("cale report: --strict: the grid of the runs is not complete"));
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "reports/runs/report.html"));
+    add_run("Boxing", 2);
+    EXPECT_EQ(cale_says("report runs --resamples 10 --strict", folder.path()).code, 0);
+}
+
+TEST(CaleEmulator, EvaluatesAndExportsARun) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path() / "run")).code, 0);
+    EXPECT_EQ(cale_says("evaluate run --set agent.gamma=0.1", folder.path()).text,
+              "cale evaluate: --set agent.gamma=0.1: nothing is trained here, so only settings env.* can be "
+              "changed\n");
+    folder.write("file", "");
+    const auto no_folder = cale_says("evaluate run --out file", folder.path());
+    EXPECT_EQ(no_folder.code, 2);
+    EXPECT_THAT(no_folder.text, testing::StartsWith("cale evaluate: --out file: this folder cannot be made"));
+
+    EXPECT_EQ(cale_says("export run -o run.onnx", folder.path()).code, 0);
+    EXPECT_EQ(cale_says("export run -o run.safetensors", folder.path()).code, 0);
+    EXPECT_EQ(cale_says("export run.safetensors -o again.onnx --format policy", folder.path()).code, 0);
+    EXPECT_EQ(folder.read("again.onnx"), folder.read("run.safetensors"));
+    EXPECT_THAT(cale_says("export run.onnx -o x", folder.path()).text,
+                testing::HasSubstr("is not a policy file"));
+}
+
+TEST(CaleEmulator, EvaluatesEveryRunOfAFolderOnce) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path() / "runs" / "Pong__sac__1")).code, 0);
+    ASSERT_EQ(train_sac(small(folder.path() / "runs" / "Pong__sac__10", {"--seed", "10"})).code, 0);
+    folder.write("runs/Pong__sac__9/config.yaml", "");
+    folder.write("runs/Pong__sac__9/episodes.csv", "");
+    const std::string words = "evaluate runs --episodes 3 --parallel 1 --set env.max_frames_per_episode=40";
+    const auto first = cale_says(words, folder.path());
+    EXPECT_EQ(first.code, 1) << "one run has no checkpoint";
+    EXPECT_THAT(first.text, testing::HasSubstr("runs        3, 0 of them evaluated already\n"));
+    EXPECT_THAT(first.text, testing::HasSubstr("\nrun 1/3  1/3 games  return "));
+    EXPECT_THAT(first.text, testing::HasSubstr("\n[1/3] Pong__sac__1: mean return "));
+    EXPECT_THAT(first.text, testing::HasSubstr("\n[2/3] Pong__sac__9: no policy can be made of "));
+    const auto table = first.text.substr(first.text.find("\nrun  "));
+    EXPECT_THAT(table,
+                testing::ContainsRegex("\nrun  [^\n]*\nPong__sac__1  [^\n]*\nPong__sac__9 +none: [^\n]*"
+                                       "\nPong__sac__10  [^\n]*\n"));
+
+    const auto again = cale_says(words, folder.path());
+    EXPECT_EQ(again.text.find("games  return"), std::string::npos) << again.text;
+    EXPECT_EQ(again.text.substr(again.text.find("\nrun  ")), table);
+
+    EXPECT_THAT(cale_says(words + " --seed 2", folder.path()).text,
+                testing::HasSubstr("0 of them evaluated already"))
+        << "another protocol";
+
+    // The games are those that each run's own evaluation has.
+    const auto alone = cale_says(
+        "evaluate runs/Pong__sac__10 --episodes 3 --parallel 1 --out alone --set "
+        "env.max_frames_per_episode=40",
+        folder.path());
+    EXPECT_THAT(alone.text, testing::StartsWith("1/3 games  return "));
+    int found = 0;
+    for (const auto& place :
+         std::filesystem::directory_iterator(folder.path() / "runs/Pong__sac__10/evaluations")) {
+        if (read_file(place.path() / "protocol.json").find("\"seed\": 1,") == std::string::npos) continue;
+        ++found;
+        EXPECT_EQ(read_file(place.path() / "step_000000012.csv"), folder.read("alone/evaluation.csv"));
+        EXPECT_FALSE(std::filesystem::exists(place.path() / "step_000000012.partial"));
+    }
+    EXPECT_EQ(found, 1);
+
+    EXPECT_EQ(cale_says("evaluate runs --out x", folder.path()).text,
+              "cale evaluate: --out: runs holds runs, whose evaluations are written into their own folders, "
+              "without films; leave --out out, or name one of the runs, such as runs/Pong__sac__1\n");
+    const auto report = cale_says("report runs --score evaluation --resamples 10", folder.path());
+    EXPECT_EQ(report.code, 0) << report.text;
+    EXPECT_THAT(read_file(folder.path() / "reports/runs/scores.csv"), testing::HasSubstr("Pong"));
+}
+
+/// What `command` wrote to the standard error before it was killed, which is once that has `lines` lines.
+std::string killed_after(int lines, const std::string& command) {
+    int ends[2] = {};
+    EXPECT_EQ(::pipe(ends), 0);
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::dup2(ends[1], STDERR_FILENO);
+        ::close(ends[0]);
+        ::execl("/bin/sh", "sh", "-c", ("exec " + command).c_str(), nullptr);
+        ::_exit(127);
+    }
+    ::close(ends[1]);
+    std::FILE* const pipe = ::fdopen(ends[0], "r");
+    std::string text;
+    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) {
+        text.push_back(static_cast<char>(c));
+        if (c == '\n' && --lines == 0) ::kill(child, SIGKILL);
+    }
+    std::fclose(pipe);
+    ::waitpid(child, nullptr, 0);
+    return text;
+}
+
+TEST(CaleEmulator, AKilledEvaluationOfRunsContinuesInMidRun) {
+    const TemporaryFolder folder;
+    for (const auto* runs : {"whole", "killed"})
+        ASSERT_EQ(train_sac(small(folder.path() / runs / "run")).code, 0);
+    const auto words = [&](const std::string& runs) {
+        return fmt::format("evaluate {}/{} --episodes 6 --parallel 1 --set env.max_frames_per_episode=40",
+                           folder.path().string(), runs);
+    };
+    ASSERT_EQ(cale_says(words("whole")).code, 0);
+    // Four lines of the header, and one for the first game.
+    const auto before = killed_after(5, fmt::format("{}/cale {}", CALE_BINARY_DIR, words("killed")));
+    const auto after = cale_says(words("killed"));
+    EXPECT_EQ(after.code, 0) << after.text;
+    const auto games_in = [](std::string_view text) {
+        int games = 0;
+        for (auto at = text.find(" games  return "); at != text.npos;
+             at = text.find(" games  return ", at + 1))
+            ++games;
+        return games;
+    };
+    EXPECT_GE(games_in(before), 1) << before;
+    EXPECT_LE(games_in(before) + games_in(after.text), 6) << "none is played twice\n" << before << after.text;
+    const auto tables = [&](const char* runs) {
+        std::map<std::string, std::string> files;
+        for (const auto& file :
+             std::filesystem::recursive_directory_iterator(folder.path() / runs / "run/evaluations"))
+            if (file.path().extension() == ".csv") files[file.path().filename()] = read_file(file.path());
+        return files;
+    };
+    EXPECT_EQ(tables("killed").size(), 3u);
+    EXPECT_EQ(tables("killed"), tables("whole"));
+}
+
+TEST(CaleEmulator, AFoldersNameNeedNotBeUtf8) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "m\xfcller";
+    ASSERT_EQ(train_sac(small(run)).code, 0);
+    const auto resumed =
+        train_sac({"--resume", "--run-dir", run.string(), "train.total_steps=20", "--no-progress"});
+    EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
+    const auto evaluated =
+        cale_says("evaluate m\xfcller --episodes 1 --set env.max_frames_per_episode=40", folder.path());
+    EXPECT_EQ(evaluated.code, 0) << evaluated.text;
+}
+
+TEST(CaleEmulator, FilmsAPolicyWhereThereIsNoDisplay) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path() / "run")).code, 0);
+    for (const auto* name : {"DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR", "SDL_VIDEODRIVER"})
+        ::unsetenv(name);
+    const auto film = cale_says("play --policy run --set env.max_frames_per_episode=40", folder.path());
+    EXPECT_EQ(film.code, 0) << film.text;
+    EXPECT_THAT(film.text, testing::HasSubstr("filming instead\n"));
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "play_pong.mp4")) << film.text;
+    EXPECT_THAT(cale_says("play pong").text, testing::HasSubstr("give --policy FILE"));
+
+    const auto before = folder.read("play_pong.mp4");
+    const auto words = "play --policy run --no-window --set env.max_frames_per_episode=40";
+    const auto second = cale_says(words, folder.path());
+    EXPECT_THAT(second.text,
+                testing::ContainsRegex("return [-0-9]+ after [0-9]+ agent steps\nplay_pong_2.mp4\n"));
+    EXPECT_EQ(
+        cale_says(fmt::format("{} --video play_pong.mp4", words), folder.path()).text,
+        "cale play: --video play_pong.mp4: there is such a file already; give another name, or delete it\n");
+    EXPECT_EQ(folder.read("play_pong.mp4"), before);
+}
+
+TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {
+    for (const Game& game : games()) {
+        const TemporaryFolder folder;
+        const auto answer = train_sac(
+            small(folder.path(), {"--config", CALE_SOURCE_DIR "/configs/sac/atari100k.yaml",
+                                  "env.game=" + std::string(game.name), "train.save_replay=false"}));
+        EXPECT_EQ(answer.code, 0) << game.name << ": " << answer.stderr_text;
+    }
+}
+
+}  // namespace
+}  // namespace cale

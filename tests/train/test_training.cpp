@@ -1,0 +1,572 @@
+// The training loop, with a small agent whose every call is known, and with SAC itself.
+#include "train/training.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <numeric>
+#include <random>
+#include <set>
+#include <sstream>
+
+#include <fmt/format.h>
+#include <torch/types.h>
+#include <nlohmann/json.hpp>
+
+#include "agents/sac.h"
+#include "cale/random_play.h"
+#include "storage/files.h"
+#include "support/temporary_folder.h"
+#include "train/checkpoint.h"
+#include "train/log.h"
+#include "train/safetensors.h"
+
+namespace cale {
+namespace {
+
+using test::TemporaryFolder;
+using testing::HasSubstr;
+using testing::Not;
+
+namespace fs = std::filesystem;
+
+/// Moves at random and writes down what is asked of it.
+class ScribeAgent : public Agent {
+  public:
+    explicit ScribeAgent(std::int64_t num_envs) : num_envs_(num_envs) {}
+
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        if (mode == ActMode::evaluate) {
+            ++evaluated;
+            return torch::tensor({{1.0f, 0.0f, 1.0f}});
+        }
+        calls += 'a';
+        first_frames_blank.push_back(observations.slice(1, 0, 3).sum().item<std::int64_t>() == 0);
+        auto actions = torch::empty({3, num_envs_}).t();  // as a network's output may lie in memory
+        std::uniform_real_distribution<float> unit(0, 1);
+        for (std::int64_t i = 0; i < num_envs_; ++i) {
+            actions[i][0] = unit(random_);
+            actions[i][1] = 3.14f * (2 * unit(random_) - 1);
+            actions[i][2] = unit(random_);
+        }
+        return actions;
+    }
+    void observe(const Experiences& experiences) override {
+        calls += 'o';
+        steps += num_envs_;
+        for (const auto& result : experiences.results) {
+            rewards += result.reward;
+            ++events[static_cast<std::size_t>(result.event)];
+        }
+        if (steps == interrupt_at) raise(SIGINT);
+    }
+    bool update(const torch::Tensor&) override {
+        calls += 'u';
+        return false;
+    }
+    std::map<std::string, double> metrics() override { return {{"losses/qf_loss", 0.5}}; }
+    TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
+    void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
+
+    std::int64_t steps = 0, evaluated = 0, interrupt_at = -1;
+    double rewards = 0;
+    EventCounts events{};
+    std::string calls;
+    std::vector<bool> first_frames_blank;
+
+  private:
+    std::int64_t num_envs_;
+    std::mt19937 random_{1};
+};
+
+std::int64_t occurrences(std::string_view text, std::string_view part) {
+    std::int64_t count = 0;
+    for (auto at = text.find(part); at != text.npos; at = text.find(part, at + 1)) ++count;
+    return count;
+}
+
+class TrainingEmulator : public testing::Test {
+  protected:
+    TrainingEmulator() {
+        env = protocol_atari100k("breakout");
+        train_config.total_steps = 400;
+        train_config.checkpoint_every = 150;
+        eval.episodes = 1;
+        env.max_frames_per_episode = 1200;
+        log.every = 100;
+        options.run_dir = folder.path();
+        options.progress_bar = false;
+        options.agent_name = "scribe";
+    }
+
+    Outcome train(Agent& agent) { return cale::train(agent, env, train_config, eval, log, options); }
+    std::vector<std::string> lines(const std::string& name) const {
+        std::istringstream text(read_file(folder.path() / name));
+        std::vector<std::string> result;
+        for (std::string line; std::getline(text, line);) result.push_back(line);
+        return result;
+    }
+
+    std::vector<double> steps_in_table() const {
+        return read_progress(folder.path() / "progress.csv").at("global_step");
+    }
+
+    TemporaryFolder folder;
+    EnvConfig env;
+    TrainConfig train_config;
+    EvalConfig eval;
+    LogConfig log;
+    TrainOptions options;
+};
+
+TEST_F(TrainingEmulator, AsksUpdateActObserveInThatOrder) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train_config.total_steps = 3;
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.calls, "uaouaouao");
+    EXPECT_TRUE(agent.first_frames_blank.front());
+    EXPECT_FALSE(agent.first_frames_blank.back() && agent.first_frames_blank[1]);
+}
+
+TEST_F(TrainingEmulator, OverlapDecidesBeforeItLearns) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train_config.total_steps = 3;
+    train_config.overlap = true;
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.calls, "auoauoauo");
+}
+
+TEST_F(TrainingEmulator, OverlapPlaysTheSameGamesWhereNothingIsLearnt) {
+    eval.episodes = 0;
+    env.num_envs = 2;
+    std::vector<std::string> episodes;
+    for (const bool overlap : {false, true}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        train_config.overlap = overlap;
+        ScribeAgent agent(2);
+        train(agent);
+        episodes.push_back(read_file(place.path() / "episodes.csv"));
+    }
+    EXPECT_EQ(episodes[0], episodes[1]);
+    EXPECT_GT(episodes[0].size(), 100u);
+}
+
+TEST_F(TrainingEmulator, OverlapReportsWhatFailedInAnEnvironment) {
+    struct OutOfBounds : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            return ScribeAgent::act(observations, mode) + 2;
+        }
+    } agent(1);
+    train_config.overlap = true;
+    EXPECT_THROW(train(agent), std::exception);
+}
+
+TEST_F(TrainingEmulator, TheTimeOfARunIsSplitWithoutRemainder) {
+    ScribeAgent agent(1);
+    eval.episodes = 0;
+    train(agent);
+    const auto columns = read_progress(folder.path() / "progress.csv");
+    for (std::size_t row = 0; row < columns.at("seconds").size(); ++row) {
+        double sum = 0;
+        for (const auto& [name, part] : TimeSplit::kParts) {
+            EXPECT_GE(columns.at("time/" + std::string(name))[row], 0) << name;
+            sum += columns.at("time/" + std::string(name))[row];
+        }
+        EXPECT_NEAR(sum, 1, 1e-9);
+        EXPECT_GT(columns.at("time/environment")[row], 0.1) << "an agent that does nothing";
+    }
+}
+
+TEST_F(TrainingEmulator, TheLastRowHoldsWhatIsLeftAtTheEnd) {
+    eval.episodes = 0;
+    train_config.total_steps = 170;
+    ScribeAgent agent(1);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(train(agent), Outcome::finished);
+    const auto said = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
+    EXPECT_THAT(said, testing::ContainsRegex("\nstep 170/170  frames [0-9]+  [1-9][0-9.]* steps/s  ETA 0:00  "
+                                             "episodes [^\n]*\nResults: "));
+    EXPECT_EQ(said.find("step 170/170"), said.rfind("step 170/170")) << said;
+    std::string events;
+    for (const auto& file : fs::directory_iterator(folder.path()))
+        if (file.path().filename().string().starts_with("events.out")) events = read_file(file.path());
+    EXPECT_EQ(occurrences(events, "charts/SPS"), 2);
+
+    // Longer, it is the run that was that long from the beginning.
+    options.resume = true;
+    train_config.total_steps = 250;
+    ScribeAgent longer(1);
+    train(longer);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 200, 250));
+}
+
+TEST_F(TrainingEmulator, AnInterruptedRunsLastRowIsGoneOnceItIsResumed) {
+    eval.episodes = 0;
+    ScribeAgent agent(1);
+    agent.interrupt_at = 142;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 142));
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 200, 300, 400));
+}
+
+TEST_F(TrainingEmulator, ARunThatIsResumedAtItsEndHasItsLastRow) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } agent(1);
+    eval.video = false;
+    train_config.total_steps = 170;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
+    EXPECT_EQ(read_progress(folder.path() / "progress.csv").at("losses/qf_loss").back(), 0.5);
+}
+
+TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
+    ScribeAgent agent(1);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(agent.steps, 400);
+    EXPECT_GT(agent.evaluated, 0);
+    EXPECT_EQ(lines("progress.csv").size(), 5u) << "a header and a row every 100 steps";
+    EXPECT_GE(lines("episodes.csv").size(), 3u) << "two comment lines and at least one game of breakout";
+    for (const auto* name : {"learning_curve.svg", "videos/step_000000400.mp4", "eval/step_000000400.csv",
+                             "checkpoints/step_000000400/state.json"}) {
+        EXPECT_TRUE(fs::exists(folder.path() / name)) << name;
+    }
+    EXPECT_EQ(list_checkpoints(folder.path()).size(), 2u) << "of three, keep_checkpoints stay";
+}
+
+TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActions) {
+    struct DiscreteAgent : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor&, ActMode) override {
+            return torch::full({1}, steps % 4, torch::kInt64);
+        }
+    } discrete(1);
+    eval.episodes = 0;
+    env.action_space = ActionSpace::minimal;
+    testing::internal::CaptureStderr();
+    train(discrete);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                testing::ContainsRegex("Mean return of the last [0-9]+ games? in training: [0-9.]+, "
+                                       "[0-9.]+ (less|more) than random play \\(1\\.7\\)\nResults: "));
+    EXPECT_THAT(read_file(folder.path() / "learning_curve.svg"), HasSubstr(">random 1.7<"));
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    env.action_space = ActionSpace::continuous;
+    env.max_frames_per_episode = 108'000;
+    ScribeAgent joystick(1);
+    train(joystick);
+    const auto curve = read_file(place.path() / "learning_curve.svg");
+    EXPECT_THAT(curve, HasSubstr(fmt::format(">random {:.1f}<", random_floor(env).value())));
+    EXPECT_THAT(curve, Not(HasSubstr(">random 1.7<")));
+}
+
+std::vector<std::string> checkpoints_in(const fs::path& run) {
+    std::vector<std::string> names;
+    for (const auto& folder : list_checkpoints(run)) names.push_back(folder.filename());
+    return names;
+}
+nlohmann::json score_in(const fs::path& checkpoint) {
+    return nlohmann::json::parse(read_file(checkpoint / "state.json")).at("score");
+}
+
+TEST_F(TrainingEmulator, KeepsTheBestOfTrainingAndThoseAtMultiples) {
+    eval.episodes = 0;
+    train_config.total_steps = 1500;
+    train_config.checkpoint_every = 250;
+    train_config.keep_every = 400;
+    train_config.keep_best = true;
+    train_config.keep_checkpoints = 100;
+    ScribeAgent all(1);
+    train(all);
+    EXPECT_EQ(list_checkpoints(folder.path()).size(), 10u) << "7 of every 250 from 0, 3 of every 400";
+    std::string best;
+    double largest = -1;
+    for (const auto& checkpoint : list_checkpoints(folder.path())) {
+        const auto score = score_in(checkpoint);
+        if (score.is_null()) continue;
+        EXPECT_EQ(score["of"], "training");
+        if (score["mean_return"] <= largest) continue;
+        largest = score["mean_return"];
+        best = checkpoint.filename();
+    }
+    ASSERT_GT(largest, 0);
+    EXPECT_EQ(fs::read_symlink(folder.path() / "checkpoints" / "best"), best);
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    train_config.keep_checkpoints = 1;
+    ScribeAgent few(1);
+    train(few);
+    std::set<std::string> expected{"step_000000400", "step_000000800", "step_000001200", "step_000001500",
+                                   best};
+    EXPECT_THAT(checkpoints_in(place.path()), testing::ElementsAreArray(expected));
+    EXPECT_EQ(fs::read_symlink(place.path() / "checkpoints" / "best"), best);
+}
+
+TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == cut_at) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+        int cut_at = -1;
+    };
+    eval.every = 200;
+    eval.video = false;
+    train_config.total_steps = 500;
+    train_config.checkpoint_every = 300;
+    train_config.keep_checkpoints = 1;
+    train_config.keep_best = true;
+    for (const int cut_at : {-1, 3}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        options.resume = false;
+        InterruptedInEvaluation agent(1);
+        agent.cut_at = cut_at;
+        if (cut_at >= 0) {
+            EXPECT_EQ(train(agent), Outcome::interrupted);
+            EXPECT_TRUE(score_in(place.path() / "checkpoints" / "step_000000200").is_null());
+            options.resume = true;
+            agent.cut_at = -1;
+        }
+        EXPECT_EQ(train(agent), Outcome::finished);
+        // Its evaluations all come to the same return: of equal ones the first stays.
+        EXPECT_THAT(checkpoints_in(place.path()), testing::ElementsAre("step_000000200", "step_000000500"))
+            << cut_at;
+        const auto best = score_in(place.path() / "checkpoints" / "best");
+        EXPECT_EQ(best["of"], "evaluation");
+        EXPECT_EQ(score_in(place.path() / "checkpoints" / "step_000000500")["of"], "evaluation");
+
+        options.resume = true;
+        InterruptedInEvaluation again(1);
+        EXPECT_EQ(train(again), Outcome::finished);
+        EXPECT_EQ(again.evaluated, 0) << "no evaluation is played twice";
+    }
+}
+
+TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {
+    struct Killed {};
+    struct KilledAgent : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (steps == 3) throw Killed();
+            return ScribeAgent::act(observations, mode);
+        }
+    } killed(1);
+    EXPECT_THROW(train(killed), Killed);
+    ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
+    options.resume = true;
+    ScribeAgent resumed(1);
+    EXPECT_EQ(train(resumed), Outcome::finished);
+    const auto episodes = read_file(folder.path() / "episodes.csv");
+
+    const TemporaryFolder place;
+    options.run_dir = place.path();
+    options.resume = false;
+    ScribeAgent undisturbed(1);
+    EXPECT_EQ(train(undisturbed), Outcome::finished);
+    EXPECT_EQ(read_file(place.path() / "episodes.csv"), episodes);
+}
+
+TEST_F(TrainingEmulator, CountsWhatIsAskedOfTheJoystick) {
+    env.num_envs = 2;
+    ScribeAgent agent(2);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_EQ(std::accumulate(agent.events.begin(), agent.events.end(), 0), 400)
+        << "no evaluation among them";
+    EXPECT_EQ(read_file(folder.path() / "joystick_events.csv"), event_table(agent.events));
+    EXPECT_LE(std::ranges::count(agent.events, 0), 4) << "nearly all of the 18 come up";
+}
+
+TEST_F(TrainingEmulator, CountsTheReturnsOfEveryEnvironment) {
+    env.num_envs = 3;
+    eval.episodes = 0;
+    train_config.total_steps = 1500;
+    ScribeAgent agent(3);
+    train(agent);
+    double sum = 0;
+    const auto rows = lines("episodes.csv");
+    for (std::size_t i = 2; i < rows.size(); ++i) sum += std::stod(rows[i]);
+    EXPECT_GT(sum, 0);
+    EXPECT_LE(sum, agent.rewards) << "episodes under way at the end are not in the table";
+    EXPECT_GE(sum, agent.rewards - 30);
+}
+
+TEST_F(TrainingEmulator, ResumesWhereTheCheckpointStood) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto episodes_before = lines("episodes.csv");
+    // Rows from after the checkpoint, as a killed run leaves them, must go.
+    std::ofstream(folder.path() / "episodes.csv", std::ios::app) << "9,9,9,9,9,9,9,0\n";
+
+    options.resume = true;
+    train_config.total_steps = 700;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    EXPECT_EQ(second.steps, 700);
+    const auto episodes = lines("episodes.csv");
+    ASSERT_GE(episodes.size(), episodes_before.size());
+    for (std::size_t i = 0; i < episodes_before.size(); ++i) EXPECT_EQ(episodes[i], episodes_before[i]);
+    for (const auto& line : episodes) EXPECT_EQ(line.find("9,9,9"), std::string::npos);
+    EXPECT_EQ(lines("progress.csv").size(), 8u);
+}
+
+TEST_F(TrainingEmulator, AnInterruptLeavesACheckpoint) {
+    ScribeAgent agent(1);
+    agent.interrupt_at = 42;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    ASSERT_EQ(list_checkpoints(folder.path()).size(), 2u);
+    EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000042");
+    EXPECT_EQ(agent.evaluated, 0);
+}
+
+TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } agent(1);
+    eval.every = 50;
+    eval.video = false;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    EXPECT_EQ(agent.evaluated, 4) << "at once";
+    EXPECT_EQ(agent.steps, 50);
+    EXPECT_EQ(list_checkpoints(folder.path()).back().filename(), "step_000000050");
+    EXPECT_FALSE(fs::exists(folder.path() / "eval" / "step_000000050.csv"));
+
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    for (const auto* csv : {"step_000000050.csv", "step_000000100.csv", "step_000000400.csv"})
+        EXPECT_TRUE(fs::exists(folder.path() / "eval" / csv)) << csv;
+}
+
+TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
+    struct Diverging : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        std::map<std::string, double> metrics() override {
+            return {{"losses/qf_loss", steps < 50 ? 0.5 : std::numeric_limits<double>::quiet_NaN()}};
+        }
+    } agent(1);
+    try {
+        train(agent);
+        FAIL() << "it went on";
+    } catch (const std::runtime_error& error) {
+        EXPECT_THAT(error.what(), testing::HasSubstr("losses/qf_loss became nan by agent step 100"));
+    }
+}
+
+TEST_F(TrainingEmulator, ADamagedCheckpointIsNamedAndTheOneBeforeTaken) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto episodes = read_file(folder.path() / "episodes.csv");
+    const auto newest = list_checkpoints(folder.path()).back();
+    fs::resize_file(newest / "agent.safetensors.zst", 20);
+    options.resume = true;
+    ScribeAgent second(1);
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(train(second), Outcome::finished);
+    const auto said = testing::internal::GetCapturedStderr();
+    EXPECT_THAT(said, testing::HasSubstr("The checkpoint " + newest.string() + " cannot be read"));
+    EXPECT_THAT(said, testing::HasSubstr("Resumed at agent step 300"));
+    EXPECT_EQ(second.steps, 400);
+
+    for (const auto& checkpoint : list_checkpoints(folder.path()))
+        fs::resize_file(checkpoint / "games.safetensors", 20);
+    try {
+        train(second);
+        FAIL() << "it was accepted";
+    } catch (const ResumeError& error) {
+        EXPECT_THAT(error.what(), testing::HasSubstr("no checkpoint of " + folder.path().string()));
+        EXPECT_THAT(error.what(), testing::HasSubstr("games.safetensors"));
+    }
+}
+
+TEST_F(TrainingEmulator, GamesThatCannotBeReplayedAreNoCrash) {
+    eval.episodes = 0;
+    ScribeAgent first(1);
+    train(first);
+    const auto all = list_checkpoints(folder.path());
+    fs::remove_all(all.front());
+    auto games = load_safetensors(all.back() / "games.safetensors").tensors;
+    options.resume = true;
+    /// With a manifest to which all of it is right.
+    const auto refusal = [&](const TensorMap& bad) {
+        auto manifest = read_manifest(all.back());
+        save_safetensors(all.back() / "games.safetensors", bad);
+        manifest["games.safetensors"] = record_of(all.back() / "games.safetensors");
+        write_manifest(all.back(), manifest);
+        ScribeAgent second(1);
+        return test::error_of<ResumeError>([&] { train(second); });
+    };
+    for (const auto* part : {"game.0.events", "frames", "episode_returns"}) {
+        auto without = games;
+        without.erase(part);
+        EXPECT_THAT(refusal(without), testing::HasSubstr(part));
+    }
+    games["game.0.start"] = games["game.0.start"].slice(0, 0, 100).contiguous();
+    EXPECT_THAT(refusal(games), testing::HasSubstr("damaged"));
+}
+
+TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
+    at::set_num_threads(1);
+    SacConfig config;
+    config.network.encoder = EncoderKind::phi_dqn;
+    config.network.hidden_units = 16;
+    config.replay.min_replay = 30;
+    config.replay.update_period = 8;
+    config.replay.batch_size = 4;
+    config.replay.replay_capacity = 1000;
+    train_config.total_steps = 260;
+    eval.episodes = 0;
+
+    std::vector<std::string> episodes, parameters;
+    for (const auto& [seed, overlap] : std::vector<std::pair<std::uint64_t, bool>>{
+             {7, false}, {7, false}, {8, false}, {7, true}, {7, true}}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        train_config.overlap = overlap;
+        train_config.seed = static_cast<std::int64_t>(seed);
+        AgentSpec spec;
+        spec.seed = seed;
+        const auto agent = make_sac(config, spec);
+        train(*agent);
+        episodes.push_back(read_file(place.path() / "episodes.csv"));
+        parameters.push_back(read_file(list_checkpoints(place.path()).back() / "agent.safetensors.zst"));
+    }
+    EXPECT_EQ(episodes[0], episodes[1]);
+    EXPECT_TRUE(parameters[0] == parameters[1]) << "parameters, optimisers and generators, bit for bit";
+    EXPECT_FALSE(parameters[0] == parameters[2]) << "another seed, another run";
+    EXPECT_EQ(episodes[3], episodes[4]);
+    EXPECT_TRUE(parameters[3] == parameters[4]) << "overlap is reproducible too";
+    EXPECT_FALSE(parameters[0] == parameters[3]) << "but acts with older parameters";
+}
+
+}  // namespace
+}  // namespace cale

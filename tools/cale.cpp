@@ -1,0 +1,89 @@
+// cale: what is done with runs beside training them.
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "settings/command_line.h"
+#include "settings/config.h"
+#include "terminal/failure.h"
+#include "terminal/standard_output.h"
+#include "tools/commands.h"
+#include "tools/help.h"
+#include "tools/usage.h"
+
+namespace {
+
+/// `cale help` and `cale help COMMAND` are `cale --help` and `cale COMMAND --help`.
+std::vector<std::string> words_of(int argc, char** argv) {
+    std::vector<std::string> words(argv + 1, argv + argc);
+    if (!words.empty() && words.front() == "help") {
+        words.erase(words.begin());
+        words.emplace_back("--help");
+    }
+    return words;
+}
+
+void run(CLI::App& app, std::vector<std::string> words) {
+    cale::check_first_word(app, words.front());
+    std::ranges::reverse(words);  // as CLI11 wants them
+    try {
+        app.parse(std::move(words));
+    } catch (const CLI::ParseError& error) {
+        if (error.get_exit_code() != 0) throw cale::ConfigError(cale::usage_sentence(app, error));
+        app.exit(error);  // prints what --help and --version ask for
+    }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("What is done with runs beside training them.", "cale");
+    app.set_version_flag("--version", cale::version_text("cale"));
+    app.require_subcommand(1);
+    app.formatter(cale::help_formatter());
+    app.option_defaults()->always_capture_default();
+    app.footer(
+        "`cale COMMAND --help` says more, with examples.\n"
+        "Agents are trained by train_sac, train_sacd, train_ppo, train_dqn and train_der.\n"
+        "\n"
+        "Exit codes: 0 done, 1 failed, 2 usage.");
+    int exit_code = 0;
+    cale::add_bench(app);
+    cale::add_completion(app);
+    cale::add_evaluate(app, exit_code);
+    cale::add_export(app);
+    cale::add_games(app);
+    cale::add_map(app);
+    cale::add_play(app);
+    cale::add_report(app);
+    cale::add_sweep(app, exit_code);
+    cale::refuse_forgotten_values(app);
+
+    const auto words = words_of(argc, argv);
+    if (words.empty()) {
+        std::fputs(app.help().c_str(), stderr);
+        return 2;
+    }
+    const auto fail = [&](std::string_view what, int code) {
+        std::fputs(fmt::format("{}: {}\n", cale::name_with_command(app), what).c_str(), stderr);
+        return code;
+    };
+    try {
+        run(app, words);
+        cale::flush_standard_output();
+    } catch (const cale::ConfigError& error) {
+        return fail(error.what(), 2);
+    } catch (const std::invalid_argument& error) {
+        return fail(cale::failure_sentence(error), 2);
+    } catch (const std::exception& error) {
+        return fail(cale::failure_sentence(error), 1);
+    }
+    return exit_code;
+}

@@ -1,0 +1,349 @@
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <ATen/Parallel.h>
+#include <fmt/format.h>
+#include <torch/cuda.h>
+
+#include "cale/games.h"
+#include "cale/text.h"
+#include "evaluate/evaluation_progress.h"
+#include "evaluate/evaluation_report.h"
+#include "evaluate/policy_evaluation.h"
+#include "evaluate/run_evaluations.h"
+#include "settings/command_line.h"
+#include "settings/config.h"
+#include "storage/run_lock.h"
+#include "terminal/console.h"
+#include "terminal/failure.h"
+#include "tools/commands.h"
+#include "tools/usage.h"
+#include "train/export.h"
+#include "train/resume.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+namespace {
+
+struct Options {
+    std::string policy;
+    std::string protocol = "fixed_episodes";
+    std::optional<std::int64_t> episodes;
+    std::optional<std::int64_t> steps;
+    std::optional<double> epsilon;
+    std::optional<std::int64_t> noop_max;
+    std::int64_t parallel = 16;
+    std::uint64_t seed = 1;
+    bool greedy = false;
+    bool sampled = false;
+    std::vector<std::string> settings;
+    std::string out;
+    bool video = false;
+    std::int64_t video_episode = 0;
+    double video_minutes = 5;
+    std::string device = "cpu";
+    int threads = 1;
+};
+
+EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
+    EnvConfig env = env_config_of(policy);
+    set_environment(env, options.settings);
+    env.game = find_game(env.game).rom;
+    if (const auto kept = keep_life_loss(policy, env); !kept.empty())
+        std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
+    return env;
+}
+
+EvaluationPlan plan_of(const Options& options, const EnvConfig& env, std::size_t stack_depth) {
+    auto plan = options.protocol == "fixed_steps" ? fixed_steps(env) : fixed_episodes(env);
+    if (options.episodes) plan.games = *options.episodes;
+    if (options.steps) plan.steps = *options.steps;
+    if (options.epsilon) plan.epsilon = *options.epsilon;
+    if (options.noop_max) plan.env.noop_max = *options.noop_max;
+    plan.parallel = options.parallel;
+    plan.seed = options.seed;
+    plan.stack_depth = stack_depth;
+    plan.filmed_game = options.video_episode;
+    plan.film_minutes = options.video_minutes;
+    if (options.video && plan.filmed_game >= plan.games) {
+        throw ConfigError(
+            fmt::format("--video-episode {}: the episodes are 0 to {}", plan.filmed_game, plan.games - 1));
+    }
+    return plan;
+}
+
+/// A new folder: an evaluation is never written over another.
+fs::path make_folder(const Options& options, const PolicyInfo& policy, const EnvConfig& env) {
+    const fs::path folder =
+        !options.out.empty()
+            ? fs::path(options.out)
+            : fs::path("evaluations") / fmt::format("{}__{}__{}__{}", find_game(env.game).name, policy.agent,
+                                                    options.seed, std::time(nullptr));
+    if (fs::exists(folder / "evaluation.csv")) {
+        throw ConfigError(fmt::format("--out {}: an evaluation is in there already; choose another folder",
+                                      folder.string()));
+    }
+    make_output_folder("--out", folder);
+    return folder;
+}
+
+/// A policy, and what it is to play.
+struct Task {
+    Policy policy;
+    EvaluationPlan plan;
+    bool sampled = false;
+};
+
+Task task_of(const Options& options, const fs::path& path, torch::Device device) {
+    Task task{.policy = policy_of(path, device), .plan = {}};
+    const PolicyInfo& info = task.policy.info();
+    task.plan = plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
+    require_playable(info, task.plan.env);
+    task.sampled = options.sampled || (info.evaluation_samples && !options.greedy);
+    return task;
+}
+
+Evaluation play(const Options& options, const Task& task) {
+    return evaluate(decide_by(task.policy, task.sampled, options.seed), task.plan);
+}
+
+EvaluationReport report_of(const Options& options, const Task& task, const std::string& source,
+                           const Evaluation& evaluation) {
+    return {.source = source,
+            .protocol = options.protocol,
+            .sampled = task.sampled,
+            .policy = task.policy.info(),
+            .plan = task.plan,
+            .evaluation = evaluation};
+}
+
+void evaluate_policy(const Options& options, torch::Device device) {
+    Task task = task_of(options, options.policy, device);
+    const fs::path folder = make_folder(options, task.policy.info(), task.plan.env);
+    if (options.video) task.plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);
+    Console console(stderr);
+    EvaluationProgress progress(console, task.plan);
+    const Evaluation evaluation = play(options, task);
+    console.clear();
+    const EvaluationReport report = report_of(options, task, options.policy, evaluation);
+    write_evaluation_report(folder, report);
+    std::fputs(evaluation_text(report).c_str(), stdout);
+    std::fputs(fmt::format("{:<20}  {}\n", "written to", folder.string()).c_str(), stdout);
+}
+
+// ---- many runs ------------------------------------------------------------------------
+
+EvaluationProtocol protocol_of(const Options& options) {
+    EnvConfig env;
+    set_environment(env, options.settings);
+    const EvaluationPlan plan = plan_of(options, env, 1);
+    EvaluationProtocol protocol{.name = options.protocol,
+                                .games = plan.games,
+                                .steps = plan.steps,
+                                .epsilon = plan.epsilon,
+                                .seed = options.seed,
+                                .choice = options.greedy ? "greedy" : (options.sampled ? "sampled" : "own")};
+    if (options.noop_max || options.protocol == "fixed_episodes") protocol.noop_max = plan.env.noop_max;
+    ConfigTable table;
+    table.add("env", env);
+    for (const auto& setting : options.settings) {
+        const auto key = setting.substr(0, setting.find('='));
+        protocol.settings[key] = key == "env.game" ? find_game(env.game).rom : table.at(key).get();
+    }
+    for (const auto* without_effect : {"env.rom_dir", "env.env_threads", "env.num_envs"})
+        protocol.settings.erase(without_effect);
+    return protocol;
+}
+
+/// Plays what is left to play of the games of a run's newest checkpoint.
+EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& protocol, Task task,
+                              const fs::path& run, Console& console, const std::string& title) {
+    const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
+    const auto folder = evaluations_folder(run, protocol);
+    const auto name = evaluation_name(steps);
+    if (const auto result = evaluation_result(folder, steps)) return *result;
+    make_evaluations_folder(folder, protocol);
+    if (RunLock::is_taken(folder)) throw std::runtime_error("another process is evaluating it");
+    const RunLock lock(folder);
+    const auto partial = folder / (name + ".partial");
+    PlayedGames played(partial);
+    task.plan.known = played.known();
+    task.plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { played.write(number, game); };
+    EvaluationProgress progress(console, task.plan, title);
+    const Evaluation evaluation = play(options, task);
+    write_evaluation_report(folder, report_of(options, task, run.string(), evaluation), name);
+    fs::remove(partial);
+    return evaluation_result(folder, steps).value();
+}
+
+/// Returns the exit code.
+int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, torch::Device device) {
+    for (const auto* option :
+         {options.out.empty() ? nullptr : "--out", options.video ? "--video" : nullptr}) {
+        if (option == nullptr) continue;
+        throw ConfigError(
+            fmt::format("{}: {} holds runs, whose evaluations are written into their own folders, without "
+                        "films; leave {} out, or name one of the runs, such as {}",
+                        option, options.policy, option, runs.front().string()));
+    }
+    const EvaluationProtocol protocol = protocol_of(options);
+    std::vector<EvaluationRow> rows;
+    std::size_t evaluated = 0;
+    for (const auto& run : runs) {
+        auto& row = rows.emplace_back(run.lexically_relative(options.policy).string());
+        if (const auto steps = newest_step(run / "checkpoints", ""))
+            row.result = evaluation_result(evaluations_folder(run, protocol), *steps);
+        evaluated += row.result ? 1 : 0;
+    }
+    Console console(stderr);
+    const std::pair<std::string, std::string> facts[] = {
+        {"runs", fmt::format("{}, {} of them evaluated already", runs.size(), evaluated)},
+        {"written to", fmt::format("{} in the folder of each",
+                                   evaluations_folder(".", protocol).lexically_normal().string())}};
+    console.header(fmt::format("Evaluating {} by {}", options.policy, options.protocol), facts);
+    int exit_code = 0;
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+        auto& row = rows[i];
+        if (row.result) continue;
+        const auto number = fmt::format("{}/{}", i + 1, runs.size());
+        try {
+            row.result = evaluate_run(options, protocol, task_of(options, runs[i], device), runs[i], console,
+                                      "run " + number);
+            console.message(
+                fmt::format("[{}] {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}", number,
+                            row.run, row.result->mean, row.result->standard_deviation, row.result->games,
+                            row.result->games == 1 ? "" : "s"));
+        } catch (const std::exception& error) {
+            row.failure = failure_sentence(error);
+            console.message(fmt::format("[{}] {}: {}", number, row.run, row.failure));
+            exit_code = 1;
+        }
+    }
+    std::fputs(evaluation_table(rows).c_str(), stdout);
+    return exit_code;
+}
+
+/// The runs that lie in the folder that the user named; none where that is a run, a checkpoint or no folder.
+std::vector<fs::path> runs_in(const fs::path& path) {
+    std::error_code ignored;
+    const bool one =
+        fs::exists(path / "agent.safetensors", ignored) || fs::exists(path / "config.yaml", ignored);
+    return one || !fs::is_directory(path, ignored) ? std::vector<fs::path>() : run_folders(path);
+}
+
+int run(const Options& options) {
+    at::set_num_threads(options.threads);
+    const torch::Device device = find_device(options.device, torch::cuda::device_count());
+    const auto runs = runs_in(options.policy);
+    if (!runs.empty()) return evaluate_runs(options, runs, device);
+    evaluate_policy(options, device);
+    return 0;
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& app, int& exit_code) {
+    auto& command = *app.add_subcommand("evaluate",
+                                        "Plays games with a trained policy, without learning, and says "
+                                        "what they returned. The environment is the one it was trained "
+                                        "in, unless --set changes it. Of a folder that holds runs, such as "
+                                        "a sweep's, it evaluates every run.");
+    const auto options = std::make_shared<Options>();
+    command
+        .add_option(
+            "POLICY", options->policy,
+            "a policy file, a checkpoint's folder, or a run's: its newest checkpoint; or a folder that "
+            "holds runs")
+        ->required()
+        ->type_name("FILE");
+    command
+        .add_option("--protocol", options->protocol,
+                    "fixed_episodes: 100 games that begin with 0 to 29 no-ops; fixed_steps: games until "
+                    "125,000 agent "
+                    "steps; both with 0.1 % random actions")
+        ->transform(one_of({"fixed_episodes", "fixed_steps"}))
+        ->type_name("NAME");
+    command.add_option("--episodes", options->episodes, "games, at most")
+        ->transform(whole_numbers(1, 1'000'000))
+        ->type_name("N");
+    command.add_option("--steps", options->steps, "no game begins after this many agent steps")
+        ->transform(whole_numbers(1, 1'000'000'000))
+        ->type_name("N");
+    command.add_option("--epsilon", options->epsilon, "probability of a uniformly random action")
+        ->transform(numbers(0, 1))
+        ->type_name("P");
+    command
+        .add_option("--noop-max", options->noop_max, "a game begins with 0 to this many no-op agent steps")
+        ->transform(whole_numbers(0, 1000))
+        ->type_name("N");
+    command.add_option("--seed", options->seed, "what happens in a game follows from this and its number")
+        ->transform(seeds())
+        ->type_name("N");
+    command
+        .add_option("--parallel", options->parallel,
+                    "games under way at a time; the results do not depend on it")
+        ->transform(whole_numbers(1, 1024))
+        ->type_name("N");
+    auto* greedy = command.add_flag("--greedy", options->greedy,
+                                    "the likeliest or most valuable action, the mean of a Gaussian");
+    command
+        .add_flag("--sampled", options->sampled,
+                  "actions drawn from the policy; without either: as the agent's own evaluations (PPO draws)")
+        ->excludes(greedy);
+    command
+        .add_option(
+            "--set", options->settings,
+            "change a setting of the environment: env.sticky_probability=0, env.game=..., as in train_*")
+        ->allow_extra_args(false)
+        ->take_all()
+        ->type_name("KEY=VALUE");
+    command.add_option("--out", options->out, "folder to write to; else a new one in evaluations/")
+        ->type_name("DIR");
+    auto* video = command.add_flag("--video", options->video,
+                                   "film a game: the screen beside what the agent sees and does");
+    command.add_option("--video-episode", options->video_episode, "which")
+        ->needs(video)
+        ->transform(whole_numbers(0, 1'000'000))
+        ->type_name("N");
+    command.add_option("--video-minutes", options->video_minutes, "how much of it")
+        ->needs(video)
+        ->transform(numbers(0.01, 1000))
+        ->type_name("X");
+    command
+        .add_option("--device", options->device,
+                    "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
+        ->type_name("DEVICE");
+    command.add_option("--threads", options->threads, "threads for tensors; sums may be rounded another way")
+        ->transform(whole_numbers(1, 4096))
+        ->type_name("N");
+    command.footer(
+        "Written to the folder: evaluation.csv (a row per game), evaluation_events.csv (how often each "
+        "joystick event),\n"
+        "evaluation_rewards.csv (quantiles of the rewards), evaluation.json (settings and statistics), "
+        "episode_N.mp4.\n"
+        "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
+        "evaluation "
+        "reads\n"
+        "them. What was evaluated by the same protocol is not played again; after a kill the same command "
+        "continues.\n"
+        "\n"
+        "Examples:\n"
+        "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
+        "  cale evaluate breakout.safetensors --episodes 10 --epsilon 0 --noop-max 0\n"
+        "  cale evaluate runs/a/checkpoints/step_000100000 --protocol fixed_steps --set "
+        "env.sticky_probability=0.25\n"
+        "  cale evaluate runs/encoders\n"
+        "\n"
+        "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage.");
+    command.callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace cale

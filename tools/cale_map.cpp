@@ -1,0 +1,45 @@
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "report/joystick_map.h"
+#include "tools/commands.h"
+#include "tools/usage.h"
+
+namespace cale {
+
+void add_map(CLI::App& app) {
+    auto& command =
+        *app.add_subcommand("map",
+                            "Draws which joystick event an action (r, theta, fire) stands for: the "
+                            "nine regions of the stick's disc, without fire and with it.");
+    struct Options {
+        double threshold = 0.5;
+        std::string output{};
+    };
+    const auto options = std::make_shared<Options>();
+    command.add_option("--threshold", options->threshold, "tau: how far the stick must be pushed to count")
+        ->transform(numbers(0, 1))
+        ->type_name("TAU");
+    command
+        .add_option("-o,--output", options->output,
+                    "the picture's file, .svg or .png; without it the map is printed as text")
+        ->type_name("FILE");
+    command.footer(
+        "Examples:\n"
+        "  cale map\n"
+        "  cale map --threshold 0.9 -o map.svg\n"
+        "\n"
+        "Exit codes: 0 done, 1 failed, 2 usage.");
+    command.callback([options] {
+        if (options->output.empty()) {
+            std::fputs(joystick_map_text(options->threshold).c_str(), stdout);
+        } else {
+            check_output_file("--output", options->output);
+            write_picture(joystick_map(options->threshold), options->output);
+            std::printf("%s\n", options->output.c_str());
+        }
+    });
+}
+
+}  // namespace cale

@@ -1,0 +1,227 @@
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cale/games.h"
+#include "evaluate/policy_evaluation.h"
+#include "play/session.h"
+#include "play/window.h"
+#include "settings/config.h"
+#include "terminal/console.h"
+#include "tools/commands.h"
+#include "tools/usage.h"
+#include "train/export.h"
+
+namespace cale {
+namespace {
+
+struct Options {
+    std::string game;
+    std::string policy;
+    std::optional<double> threshold;
+    std::vector<std::string> settings;
+    std::string video;
+    bool no_window = false;
+    std::int64_t games = 0;
+    double speed = 1;
+    bool greedy = false;
+    bool sampled = false;
+    std::uint64_t seed = 1;
+};
+
+/// A person sees every frame and plays without sticky actions, unless told otherwise.
+EnvConfig for_hands() {
+    EnvConfig env;
+    env.frame_skip = 1;
+    env.sticky_probability = 0;
+    return env;
+}
+
+PlayPlan plan_of(const Options& options) {
+    PlayPlan plan{.seed = options.seed, .speed = options.speed, .video = options.video};
+    if (options.games > 0) plan.games = options.games;
+    std::optional<Policy> policy;
+    if (!options.policy.empty()) policy = policy_of(options.policy);
+    plan.env = policy ? env_config_of(policy->info()) : for_hands();
+    if (!options.game.empty()) plan.env.game = options.game;
+    if (options.threshold) plan.env.threshold = *options.threshold;
+    set_environment(plan.env, options.settings);
+    plan.env.game = find_game(plan.env.game).rom;
+    if (!policy) {
+        if (plan.env.action_space != ActionSpace::continuous)
+            throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");
+        return plan;
+    }
+    if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
+        std::fputs(fmt::format("cale play: {}\n", kept).c_str(), stderr);
+    require_playable(policy->info(), plan.env);
+    plan.stack_depth = static_cast<std::size_t>(policy->info().stack);
+    const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);
+    plan.decide = decide_by(*policy, sampled, options.seed);
+    return plan;
+}
+
+/// play_pong.mp4, or play_pong_2.mp4 where there is one already, and so on.
+std::filesystem::path unused_name(const std::string& name) {
+    std::filesystem::path file = name + ".mp4";
+    for (int number = 2; std::filesystem::exists(file); ++number)
+        file = fmt::format("{}_{}.mp4", name, number);
+    return file;
+}
+
+/// None where the user wants none, or there is no display and a film will do.
+std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
+    const bool by_hand = !plan.decide;
+    if (by_hand && options.no_window)
+        throw ConfigError("--no-window: keys need a window; give --policy FILE to film a policy");
+    if (!options.no_window) {
+        const PictureSize size = picture_size(plan.env);
+        try {
+            return std::make_unique<Window>(size.width, size.height, size.dial);
+        } catch (const std::runtime_error& error) {
+            if (by_hand) {
+                throw std::runtime_error(
+                    fmt::format("{}; to film a policy without a window give --policy FILE", error.what()));
+            }
+            std::fputs(fmt::format("cale play: {}; filming instead\n", error.what()).c_str(), stderr);
+        }
+    }
+    if (plan.video.empty()) plan.video = unused_name("play_" + plan.env.game);
+    if (options.games == 0) plan.games = 1;
+    plan.speed = 0;
+    return nullptr;
+}
+
+/// How far a film is. How long its first game will be nobody knows.
+class FilmProgress {
+  public:
+    explicit FilmProgress(const PlayPlan& plan) {
+        if (plan.games < std::numeric_limits<std::int64_t>::max()) progress_.total_games = plan.games;
+    }
+    void step(const EvaluatedGame& game) {
+        ++progress_.steps;
+        progress_.values = {{"return so far", game.episode_return}};
+    }
+    void end(const EvaluatedGame& game) {
+        const auto before = static_cast<double>(progress_.games++);
+        const auto games = static_cast<double>(progress_.games);
+        const auto mean = [&](double old, double value) { return (old * before + value) / games; };
+        progress_.mean_return = mean(progress_.mean_return.value_or(0), game.episode_return);
+        progress_.mean_length = mean(progress_.mean_length, static_cast<double>(game.length));
+    }
+    GamesProgress now() {
+        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start_;
+        progress_.steps_per_second = static_cast<double>(progress_.steps) / seconds.count();
+        return progress_;
+    }
+
+  private:
+    GamesProgress progress_;
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+void run(const Options& options) {
+    if (options.game.empty() && options.policy.empty())
+        throw ConfigError("give a GAME, a --policy FILE, or both");
+    PlayPlan plan = plan_of(options);
+    const auto window = open_window(options, plan);
+    if (!plan.video.empty()) {
+        check_output_file("--video", plan.video);
+        if (std::filesystem::is_regular_file(plan.video)) {
+            throw ConfigError(
+                fmt::format("--video {}: there is such a file already; give another name, or delete it",
+                            plan.video.string()));
+        }
+    }
+    Stage stage;
+    if (window) {
+        if (!plan.decide) std::fputs(std::string(keyboard_help()).c_str(), stdout);
+        stage.show = [&](const Image& picture, const std::string& title) { window->show(picture, title); };
+        stage.poll = [&](Hands& hands) { return window->poll(hands); };
+    }
+    Console console(stderr);
+    FilmProgress progress(plan);
+    if (!window) {
+        plan.stepped = [&](const EvaluatedGame& game) {
+            progress.step(game);
+            if (console.due()) console.draw(progress.now());
+        };
+    }
+    plan.ended = [&](const EvaluatedGame& game) {
+        progress.end(game);
+        console.clear();
+        std::fputs(
+            fmt::format("return {:g} after {} agent steps\n", game.episode_return, game.length).c_str(),
+            stdout);
+        std::fflush(stdout);
+    };
+    play(plan, stage);
+    if (!plan.video.empty() && std::filesystem::exists(plan.video))
+        std::fputs(fmt::format("{}\n", plan.video.string()).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_play(CLI::App& app) {
+    auto& command =
+        *app.add_subcommand("play",
+                            "Shows a game in a window: a trained policy plays it, or you do, with "
+                            "the continuous joystick. Where there is no display, a policy is filmed.");
+    const auto options = std::make_shared<Options>();
+    command
+        .add_option("GAME", options->game, "pong, Pong or ALE/Pong-v5; the policy's own if it is left out")
+        ->type_name("GAME");
+    command
+        .add_option("--policy", options->policy,
+                    "who plays: a policy file, a checkpoint's folder, or a run's; else you")
+        ->type_name("FILE");
+    command
+        .add_option("--threshold", options->threshold, "tau: how far the joystick must be pushed to count")
+        ->transform(numbers(0, 1))
+        ->type_name("X");
+    command
+        .add_option(
+            "--set", options->settings,
+            "change a setting of the environment, as in train_*; else it is the policy's, or, for you, every "
+            "frame a step and no sticky actions")
+        ->allow_extra_args(false)
+        ->take_all()
+        ->type_name("KEY=VALUE");
+    command
+        .add_option("--video", options->video,
+                    "film all that is shown, to this .mp4 file, which must not exist")
+        ->type_name("FILE");
+    command.add_flag("--no-window", options->no_window, "film only, as fast as it goes");
+    command.add_option("--games", options->games, "leave after these; 0: when the window is closed")
+        ->transform(whole_numbers(0, 1'000'000))
+        ->type_name("N");
+    command.add_option("--speed", options->speed, "times the speed of the console; 0: as fast as it goes")
+        ->transform(numbers(0, 100))
+        ->type_name("X");
+    auto* greedy = command.add_flag("--greedy", options->greedy, "the policy's best action");
+    command.add_flag("--sampled", options->sampled, "an action drawn from the policy")->excludes(greedy);
+    command.add_option("--seed", options->seed, "for sticky actions, no-op starts and what is drawn")
+        ->transform(seeds())
+        ->type_name("N");
+    command.footer(
+        fmt::format("Keys:\n{}\n"
+                    "Examples:\n"
+                    "  cale play breakout\n"
+                    "  cale play breakout --threshold 0.3 --set env.paddle_strength=radius\n"
+                    "  cale play --policy runs/Breakout__sac__1__1795270400\n"
+                    "  cale play pong --policy pong.safetensors --no-window --video pong.mp4\n"
+                    "\n"
+                    "Exit codes: 0 done, 1 failed, 2 usage.",
+                    keyboard_help()));
+    command.callback([options] { run(*options); });
+}
+
+}  // namespace cale

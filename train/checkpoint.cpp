@@ -1,0 +1,323 @@
+#include "train/checkpoint.h"
+
+#include <fcntl.h>
+
+#include <algorithm>
+#include <cstdio>  // renameat2
+#include <iterator>
+#include <span>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "replay/replay_buffer.h"
+#include "storage/files.h"
+#include "terminal/failure.h"
+#include "train/agent_file.h"
+#include "train/resume.h"
+#include "train/safetensors.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kGamesFile = "games.safetensors";
+constexpr const char* kReplayFile = "replay.zst";
+constexpr const char* kStateFile = "state.json";
+constexpr const char* kEventsFile = "joystick_events.csv";  // the run's, for people and reports
+constexpr const char* kPartial = ".partial";
+constexpr const char* kBest = "best";
+
+constexpr const char* kEvaluation = "evaluation";
+constexpr const char* kTraining = "training";
+
+nlohmann::json to_json(const std::optional<Score>& score) {
+    if (!score) return nullptr;
+    return {{"of", score->evaluated ? kEvaluation : kTraining}, {"mean_return", score->mean_return}};
+}
+
+std::optional<Score> score_in(const nlohmann::json& state) {
+    const auto found = state.find("score");
+    if (found == state.end() || found->is_null()) return std::nullopt;
+    return Score{.evaluated = found->at("of") == kEvaluation, .mean_return = found->at("mean_return")};
+}
+
+std::string to_json(const RunState& state) {
+    return nlohmann::json{{"step", state.step},
+                          {"frame", state.frame},
+                          {"episodes", state.episodes},
+                          {"joystick_events", state.joystick_events},
+                          {"seconds", state.seconds},
+                          {"recent_returns", state.recent_returns},
+                          {"episodes_offset", state.episodes_offset},
+                          {"progress_rows", state.progress_rows},
+                          {"evaluation_due", state.evaluation_due},
+                          {"score", to_json(state.score)},
+                          {"metrics", state.metrics}}
+               .dump(2) +
+           "\n";
+}
+
+std::int64_t count(const nlohmann::json& json, const char* name) {
+    if (json.at(name).is_number_unsigned()) return json.at(name);
+    throw std::runtime_error(fmt::format("{}: {} is no count", kStateFile, name));
+}
+
+EventCounts event_counts(const nlohmann::json& json) {
+    const auto counts = json.get<std::vector<std::int64_t>>();
+    EventCounts result{};
+    if (counts.size() != result.size() || std::ranges::min(counts) < 0)
+        throw std::runtime_error(
+            fmt::format("{}: joystick_events are not {} counts", kStateFile, result.size()));
+    std::ranges::copy(counts, result.begin());
+    return result;
+}
+
+RunState from_json(const std::string& text) {
+    try {
+        const auto json = nlohmann::json::parse(text);
+        return {.step = count(json, "step"),
+                .frame = count(json, "frame"),
+                .episodes = count(json, "episodes"),
+                .joystick_events = event_counts(json.at("joystick_events")),
+                .seconds = json.at("seconds"),
+                .recent_returns = json.at("recent_returns"),
+                .episodes_offset = count(json, "episodes_offset"),
+                .progress_rows = count(json, "progress_rows"),
+                .evaluation_due = json.at("evaluation_due"),
+                .score = score_in(json),
+                .metrics = json.at("metrics")};
+    } catch (const nlohmann::json::exception&) {
+        throw std::runtime_error(fmt::format("{} is damaged", kStateFile));
+    }
+}
+
+/// Whether the file, as it is now, is what the manifest says.
+bool is_good(const StoredCheckpoint& checkpoint, const std::string& file) {
+    const auto found = checkpoint.manifest.find(file);
+    if (found == checkpoint.manifest.end()) return false;
+    try {
+        return record_of(checkpoint.folder / file) == found->second;
+    } catch (const std::system_error&) {
+        return false;
+    }
+}
+
+/// A second name for the same file; a copy where the file system has no such thing.
+void link_or_copy(const fs::path& from, const fs::path& to) {
+    std::error_code refused;
+    fs::create_hard_link(from, to, refused);
+    if (refused) write_file_atomically(to, read_file(from));
+}
+
+/// Puts `partial` in the place of `folder`, at one stroke where the file system can.
+void publish(const fs::path& partial, const fs::path& folder) {
+    if (fs::exists(folder) &&
+        ::renameat2(AT_FDCWD, partial.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) {
+        fs::remove_all(partial);
+    } else {
+        fs::remove_all(folder);
+        fs::rename(partial, folder);
+    }
+    sync_name(folder);
+}
+
+/// A folder's contents that are named in a manifest are never deleted under its name: a run killed meanwhile
+/// would leave half of them.
+void delete_checkpoint(const fs::path& folder) {
+    const fs::path partial = folder.string() + kPartial;
+    fs::remove_all(partial);
+    fs::rename(folder, partial);
+    fs::remove_all(partial);
+}
+
+StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with_replay,
+                                 const std::function<void(const TensorMap&)>& restore_games,
+                                 RunState& state) {
+    StoredCheckpoint stored{folder, read_manifest(folder)};
+    for (const auto& file : {kAgentFile, kGamesFile, kStateFile})
+        if (!stored.manifest.contains(file))
+            throw std::runtime_error(fmt::format("its manifest.json lacks {}", file));
+    verify(folder, stored.manifest);
+    state = from_json(read_file(folder / kStateFile));
+    restore_games(load_safetensors(folder / kGamesFile).tensors);
+    agent.load_state(load_agent(folder));
+    if (with_replay && agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
+        agent.replay()->load(folder);
+    return stored;
+}
+
+/// None where it has none, and where its files cannot be read.
+std::optional<Score> score_of(const fs::path& folder) {
+    try {
+        const auto manifest = read_manifest(folder);
+        verify(folder, {{kStateFile, manifest.at(kStateFile)}});
+        return from_json(read_file(folder / kStateFile)).score;
+    } catch (const std::exception&) {
+        return std::nullopt;
+    }
+}
+
+std::optional<fs::path> best_of(std::span<const fs::path> checkpoints) {
+    std::optional<fs::path> best;
+    std::optional<Score> best_score;
+    for (const auto& folder : checkpoints) {
+        const auto score = score_of(folder);
+        if (score <= best_score) continue;  // none is less than any
+        best = folder;
+        best_score = score;
+    }
+    return best;
+}
+
+/// Makes the link point to this checkpoint, at one stroke; none: there is no link.
+void link_best(const fs::path& link, const std::optional<fs::path>& best) {
+    std::error_code ignored;
+    if (!best) {
+        if (fs::is_symlink(link)) fs::remove(link);
+        return;
+    }
+    if (fs::read_symlink(link, ignored) == best->filename()) return;
+    const fs::path partial = link.string() + kPartial;
+    fs::remove(partial);
+    fs::create_directory_symlink(best->filename(), partial);
+    fs::rename(partial, link);
+}
+
+/// Whether it is the first one at or after a multiple of `retention.every`.
+bool stays_for_good(const fs::path& folder, const Retention& retention) {
+    if (retention.every == 0) return false;
+    const auto step = checkpoint_step(folder).value_or(0);
+    return step >= retention.every && step % retention.every < retention.step_size;
+}
+
+}  // namespace
+
+StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot, const StoredCheckpoint* last,
+                                  const StoredCheckpoint* before_last) {
+    if (!fs::exists(run_dir)) {
+        throw std::runtime_error(
+            fmt::format("the run's folder {} is gone: no checkpoint could be written", run_dir.string()));
+    }
+    const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", snapshot.state.step);
+    const fs::path partial = folder.string() + kPartial;
+    fs::remove_all(partial);
+    fs::create_directories(partial);
+    try {
+        Manifest manifest;
+        if (snapshot.replay) {
+            snapshot.replay->save(partial, [&](const std::string& file) {
+                if (before_last != nullptr && is_good(*before_last, file)) {
+                    link_or_copy(before_last->folder / file, partial / file);
+                    manifest[file] = before_last->manifest.at(file);
+                } else if (last != nullptr && is_good(*last, file)) {
+                    write_file_atomically(partial / file, read_file(last->folder / file));
+                } else {
+                    return false;
+                }
+                return true;
+            });
+            snapshot.replay.reset();
+        }
+        save_agent(partial, snapshot.agent);
+        save_safetensors(partial / kGamesFile, snapshot.games);
+        write_file_atomically(partial / kStateFile, to_json(snapshot.state));
+        write_file_atomically(partial / "config.yaml", snapshot.config);
+        for (const auto& entry : fs::directory_iterator(partial)) {
+            const auto name = entry.path().filename().string();
+            if (!manifest.contains(name)) manifest[name] = record_of(entry.path());
+        }
+        write_manifest(partial, manifest);
+        write_file_atomically(run_dir / kEventsFile, event_table(snapshot.state.joystick_events));
+        publish(partial, folder);
+        return {folder, std::move(manifest)};
+    } catch (...) {
+        std::error_code ignored;
+        fs::remove_all(partial, ignored);
+        throw;
+    }
+}
+
+void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, const Retention& retention) {
+    const auto all = list_checkpoints(run_dir);
+    const auto past = std::next(std::find(all.begin(), all.end(), newest));
+    const auto best = retention.best ? best_of({all.begin(), past}) : std::nullopt;
+    link_best(run_dir / "checkpoints" / kBest, best);
+    for (auto folder = all.begin(); folder != all.end(); ++folder) {
+        const bool stays = folder < past && (past - folder <= retention.newest ||
+                                             stays_for_good(*folder, retention) || *folder == best);
+        if (!stays) delete_checkpoint(*folder);
+    }
+    std::vector<fs::path> unfinished;
+    for (const auto& entry : fs::directory_iterator(run_dir / "checkpoints"))
+        if (entry.path().extension() == kPartial) unfinished.push_back(entry.path());
+    for (const auto& folder : unfinished) fs::remove_all(folder);
+}
+
+std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
+    std::vector<fs::path> found;
+    const fs::path folder = run_dir / "checkpoints";
+    if (!fs::is_directory(folder)) return found;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+        const std::string name = entry.path().filename().string();
+        if (name.starts_with("step_") && !name.ends_with(kPartial)) found.push_back(entry.path());
+    }
+    // By length first: a run of more than 999,999,999 steps has longer names.
+    std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
+        return std::pair(a.string().size(), a.string()) < std::pair(b.string().size(), b.string());
+    });
+    return found;
+}
+
+std::vector<fs::path> require_checkpoints(const fs::path& run_dir) {
+    auto found = list_checkpoints(run_dir);
+    if (!found.empty()) return found;
+    std::error_code ignored;
+    const auto folder = fs::weakly_canonical(run_dir, ignored);
+    for (const auto& above : {folder.parent_path(), folder.parent_path().parent_path()}) {
+        if (folder.native().starts_with((above / "checkpoints").native()) && !list_checkpoints(above).empty())
+            throw ResumeError(fmt::format("{} is a part of the run {}; give --run-dir that", run_dir.string(),
+                                          above.string()));
+    }
+    if (!fs::exists(run_dir / "config.yaml"))
+        throw ResumeError(
+            fmt::format("{} holds no run to resume; give --run-dir the folder of one", run_dir.string()));
+    throw ResumeError(fmt::format(
+        "{} holds no checkpoint to resume from; {}", run_dir.string(),
+        has_begun(run_dir) ? "give --run-dir another folder" : "start the run again, without --resume"));
+}
+
+bool has_begun(const fs::path& run_dir) {
+    const auto has_rows = [&](const char* file, std::ptrdiff_t lines_before) {
+        const auto path = run_dir / file;
+        if (!fs::exists(path)) return false;
+        const auto text = read_file(path);
+        return std::count(text.begin(), text.end(), '\n') > lines_before;
+    };
+    return !list_checkpoints(run_dir).empty() || has_rows("episodes.csv", 2) || has_rows("progress.csv", 0);
+}
+
+Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool with_replay,
+                                  const std::function<void(const TensorMap&)>& restore_games) {
+    const auto all = require_checkpoints(run_dir);
+    Checkpoint checkpoint;
+    for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
+        const auto pass_over = [&](const std::string& why) {
+            checkpoint.passed_over.push_back(
+                fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), why));
+        };
+        try {
+            checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);
+            return checkpoint;
+        } catch (const std::exception& error) {
+            pass_over(failure_sentence(error));
+        }
+    }
+    throw ResumeError(fmt::format("no checkpoint of {} can be read; of the newest: {}", run_dir.string(),
+                                  checkpoint.passed_over.front()));
+}
+
+}  // namespace cale

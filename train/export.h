@@ -1,0 +1,32 @@
+// From what a run leaves to a policy that others can use.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <torch/types.h>
+
+#include "cale/env.h"
+#include "policy/torch/policy.h"
+
+namespace cale {
+
+/// The policy of a policy file, of a checkpoint (a folder, or the agent's file in it) or of a run's
+/// folder, then that of its newest checkpoint which can be read. Throws std::runtime_error, one sentence that
+/// names the path and what is wrong with it.
+Policy policy_of(const std::filesystem::path& path, torch::Device device = torch::kCPU);
+
+/// The contents of the policy file of that path: a policy file's own, or made from a checkpoint.
+std::string policy_file_of(const std::filesystem::path& path);
+
+/// Writes it to `output`, whole or not at all. Returns what it is.
+PolicyInfo export_policy(const std::filesystem::path& path, const std::filesystem::path& output);
+/// The same network as an ONNX model: input "observation" [N, stack, 84, 84] uint8; outputs "action", [N, 3]
+/// float32 or [N] int64, which is the greedy one, and "output" as Policy::output.
+PolicyInfo export_onnx(const std::filesystem::path& path, const std::filesystem::path& output);
+
+/// The environment that the policy was trained in: the `env` section of its run's configuration.
+/// Throws std::runtime_error where the policy does not hold one.
+EnvConfig env_config_of(const PolicyInfo& info);
+
+}  // namespace cale

@@ -1,0 +1,91 @@
+// The two tables of a run: episodes.csv, a row per finished episode, and
+// progress.csv, a row per report.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "storage/append_file.h"
+
+namespace cale {
+
+/// What the first line of episodes.csv says about the run.
+struct RunIdentity {
+    std::string env_id{};  // "ALE/Pong-v5"
+    std::string agent{};   // "sac"
+    std::uint64_t seed = 0;
+};
+
+struct Episode {
+    double episode_return = 0;     // sum of rewards, undiscounted, neither clipped nor scaled
+    std::int64_t length = 0;       // agent steps
+    std::int64_t global_step = 0;  // agent steps of the run, all environments together, when it ended
+    std::int64_t frame = 0;        // emulated frames of the run, likewise
+    std::int64_t env = 0;          // which environment
+    bool truncated = false;        // cut off by the frame limit rather than over
+};
+
+/// episodes.csv, in the manner of Stable-Baselines3's Monitor files: a comment line of
+/// JSON, then the columns r,l,t,global_step,frame,seed,env,truncated.
+///
+/// The same seed gives the same bytes. So `t` is not the wall clock but the game's: the
+/// seconds that `frame` frames last on a console (60 a second), and `t_start` is 0. The
+/// wall clock is in progress.csv.
+class EpisodeLog {
+  public:
+    /// `offset`: where to continue after a resume (see offset()); what follows it is cut off.
+    /// Throws std::runtime_error, here and below, when the disk is full or the file unwritable.
+    EpisodeLog(const std::filesystem::path& path, const RunIdentity& run,
+               std::optional<std::int64_t> offset = std::nullopt);
+
+    void write(const Episode& episode);
+    /// The place, in bytes, that a checkpoint records. Call sync() before the checkpoint counts.
+    std::int64_t offset() const { return file_.size(); }
+    void sync() { file_.sync(); }
+
+  private:
+    AppendFile file_;
+    std::uint64_t seed_;
+};
+
+struct Report {
+    std::int64_t global_step = 0;
+    std::int64_t frame = 0;
+    double seconds = 0;                       // since the run began, without the time between sessions
+    double steps_per_second = 0;              // agent steps, since the report before
+    std::map<std::string, double> scalars{};  // "losses/qf_loss" -> value
+};
+
+/// progress.csv: global_step,frame,seconds,steps_per_second, then every scalar that any
+/// report has named so far. A name that a report lacks leaves its cell empty; a name seen
+/// for the first time adds a column, for which the file is rewritten (atomically).
+class ProgressLog {
+  public:
+    /// `rows`: how many rows to keep after a resume (see rows()). Throws as EpisodeLog does.
+    explicit ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows = std::nullopt);
+
+    void write(const Report& report);
+    /// What a checkpoint records. A count and not an offset, as columns may come in between.
+    std::int64_t rows() const { return rows_; }
+    /// The agent step of the last row; 0 where there is none.
+    std::int64_t last_step() const { return last_step_; }
+    void sync() { file_.sync(); }
+
+  private:
+    void add_columns(const std::vector<std::string>& unseen);
+
+    AppendFile file_;
+    std::vector<std::string> names_;  // of the scalars' columns
+    std::int64_t rows_ = 0;
+    std::int64_t last_step_ = 0;
+};
+
+/// The columns of a progress.csv by name; a cell that is empty is not a number.
+/// Throws std::runtime_error, naming the file, where it cannot be read or a cell is something else.
+std::map<std::string, std::vector<double>> read_progress(const std::filesystem::path& path);
+
+}  // namespace cale

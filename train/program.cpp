@@ -1,0 +1,427 @@
+#include "train/program.h"
+
+#include <malloc.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <optional>
+#include <thread>
+
+#include <ATen/Context.h>
+#include <ATen/Parallel.h>
+#include <c10/core/impl/VirtualGuardImpl.h>
+#include <fmt/format.h>
+#include <torch/cuda.h>
+#include <torch/types.h>
+
+#include "agents/memory.h"
+#include "cale/games.h"
+#include "cale/vector_env.h"
+#include "replay/available_memory.h"
+#include "settings/command_line.h"
+#include "storage/files.h"
+#include "storage/new_folder.h"
+#include "storage/run_lock.h"
+#include "terminal/console.h"
+#include "terminal/failure.h"
+#include "terminal/standard_output.h"
+#include "terminal/stop_signals.h"
+#include "train/checkpoint.h"
+#include "train/metadata.h"
+#include "train/resume.h"
+#include "train/threads.h"
+#include "train/training.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
+
+/// The other processes that this one was started with, once they are all there.
+ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Program& program,
+                            torch::Device device) {
+    if (!place) return {};
+    try {
+        ProcessGroup processes(*place, device);
+        processes.require_same(program.table.to_yaml(),
+                               fmt::format("process {} of {}: the processes of this run were started with "
+                                           "different settings; give all of them the same command line",
+                                           place->rank, place->size));
+        return processes;
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+/// Where WORLD_SIZE and its companions put this process; none: it is alone.
+std::optional<ProcessPlace> find_place(const Program& program) {
+    std::optional<ProcessPlace> place;
+    try {
+        place = place_from_environment();
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+    if (!place) return place;
+    if (!program.several_processes) {
+        throw ConfigError(
+            fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo "
+                        "trains in several, so start {} without torchrun and with WORLD_SIZE unset",
+                        place->size, program.agent_name, program.name));
+    }
+    if (program.env.num_envs % place->size != 0) {
+        throw ConfigError(
+            fmt::format("env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; "
+                        "make it a multiple",
+                        program.env.num_envs, place->size));
+    }
+    return place;
+}
+
+/// Several processes on a machine take a CUDA device each.
+torch::Device choose_device(const std::string& wish, const std::optional<ProcessPlace>& place) {
+    const auto gpus = torch::cuda::device_count();
+    if (!place) return find_device(wish, gpus);
+    return find_device(wish, gpus, static_cast<std::uint64_t>(place->local_rank));
+}
+
+/// A resumed run goes on with the number it was started with: sums on other numbers of threads
+/// round differently.
+int choose_threads(const CommandLine& line, const Program& program, const std::optional<Metadata>& resumed,
+                   const fs::path& run_dir, int processes_here) {
+    if (line.threads != "auto") return std::stoi(line.threads);
+    if (resumed && resumed->threads()) return *resumed->threads();
+    if (line.resume && !resumed) {
+        throw ResumeError(
+            fmt::format("--resume {}: there is no metadata.json that says with how many threads the run was "
+                        "started; say --threads with that number",
+                        run_dir.string()));
+    }
+    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
+    const auto env_threads = static_cast<int>(VectorEnv::threads(program.env));
+    // Environments that step while the agent learns keep their cores.
+    return measured_threads(program.train.overlap ? std::max(1, cores - env_threads) : cores);
+}
+
+/// 1234567 as "1,234,567".
+std::string grouped(std::int64_t number) {
+    const std::string digits = std::to_string(number);
+    std::string text;
+    for (std::size_t i = 0; i < digits.size(); ++i) {
+        if (i > 0 && (digits.size() - i) % 3 == 0) text += ',';
+        text += digits[i];
+    }
+    return text;
+}
+
+fs::path choose_run_dir(const CommandLine& line, const Program& program, const Game& game) {
+    if (!line.run_dir.empty()) return line.run_dir;
+    return fs::path("runs") / fmt::format("{}__{}__{}__{}", game.name, program.agent_name, program.train.seed,
+                                          static_cast<std::int64_t>(std::time(nullptr)));
+}
+
+/// Refuses a folder that holds a run, but for one that was stopped before its first checkpoint.
+void require_no_run(const fs::path& run_dir) {
+    const bool config_of_a_user =
+        fs::exists(run_dir / "config.yaml") && !fs::exists(run_dir / "metadata.json");
+    if (!config_of_a_user && !has_begun(run_dir)) return;
+    throw ConfigError(
+        fmt::format("--run-dir {}: a run is in there already; choose another folder, or go on with "
+                    "it by --resume",
+                    run_dir.string()));
+}
+
+/// Without --run-dir nobody else gets the same.
+NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
+    try {
+        if (line.run_dir.empty()) return NewFolder::with_a_free_name(run_dir);
+        require_no_run(run_dir);
+        return NewFolder(run_dir);
+    } catch (const fs::filesystem_error& error) {
+        throw ConfigError(fmt::format("--run-dir {}: the folder cannot be made ({}); choose another one",
+                                      run_dir.string(), error.code().message()));
+    }
+}
+
+/// What differs from the settings that the run was trained with. Its newest checkpoint has them, whatever has
+/// been written into the run's config.yaml since.
+std::vector<ConfigDifference> changes_since(const Program& program, const fs::path& run_dir) {
+    const auto checkpoints = list_checkpoints(run_dir);
+    for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
+        try {
+            return program.table.differences(*folder / "config.yaml");
+        } catch (const ConfigError&) {
+            // Damaged, as the manifest will tell: then the one before is resumed from.
+        }
+    }
+    return program.table.differences(run_dir / "config.yaml");
+}
+
+/// What is behind a run cannot be undone.
+void check_length(const Program& program, const fs::path& run_dir) {
+    const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
+    if (step > program.train.total_steps) {
+        throw ResumeError(
+            fmt::format("--resume {}: it is at agent step {} already, and train.total_steps is {}; "
+                        "let it be more",
+                        run_dir.string(), step, program.train.total_steps));
+    }
+}
+
+/// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
+/// and do not make other games of those under way.
+std::string accepted_changes(const Program& program, const fs::path& run_dir, bool accept) {
+    require_checkpoints(run_dir);
+    const fs::path file = run_dir / "config.yaml";
+    if (!fs::exists(file)) {
+        throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
+                                      file.string(), run_dir.string()));
+    }
+    std::string different, of_the_games;
+    for (const auto& [key, now, before] : changes_since(program, run_dir)) {
+        const auto change = change_of_run(key, before, now, program.schedule_over_run());
+        if (change.empty()) continue;
+        different += (different.empty() ? "" : ", ") + change;
+        if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
+    }
+    if (!different.empty() && !accept) {
+        throw ResumeError(
+            fmt::format("--resume {}: another configuration: {}; resume with the run's own (leave "
+                        "--config and --set out, and its config.yaml as it was), say --accept-changes, or "
+                        "start a new run",
+                        run_dir.string(), different));
+    }
+    if (!of_the_games.empty()) {
+        throw ResumeError(
+            fmt::format("--resume {} --accept-changes: games under way cannot go on in another "
+                        "environment: {}; start a new run",
+                        run_dir.string(), of_the_games));
+    }
+    check_length(program, run_dir);
+    return different;
+}
+
+std::string joined(int argc, const char* const* argv) {
+    std::string command;
+    for (int i = 0; i < argc; ++i) command += fmt::format("{}{}", i > 0 ? " " : "", argv[i]);
+    return command;
+}
+
+/// What a run that is to be resumed says of itself. Throws ResumeError where it is damaged.
+std::optional<Metadata> read_metadata(const fs::path& run_dir) {
+    try {
+        return Metadata::read(run_dir);
+    } catch (const std::exception& error) {
+        throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
+    }
+}
+
+/// train(), whose end metadata.json remembers.
+Outcome train_on_record(Agent& agent, const Program& program, const TrainOptions& options,
+                        Metadata* metadata) {
+    if (metadata == nullptr)
+        return train(agent, program.env, program.train, program.eval, program.log, options);
+    try {
+        const auto outcome = train(agent, program.env, program.train, program.eval, program.log, options);
+        if (outcome == Outcome::finished) {
+            metadata->finish();
+        } else {
+            metadata->stop(
+                fmt::format("{}", stop_signal().empty() ? "another process was stopped" : stop_signal()));
+        }
+        metadata->write();
+        return outcome;
+    } catch (const ResumeError&) {
+        throw;  // nothing has been trained
+    } catch (const std::exception& error) {
+        try {
+            metadata->stop(failure_sentence(error));
+            metadata->write();
+        } catch (const std::exception&) {
+            // The disk is full: the first failure is the one to report.
+        }
+        throw;
+    }
+}
+
+/// 0: the continuous joystick. Makes an environment once, so that what is wrong with it, or with the ROM, is
+/// said before anything is written.
+std::int64_t count_actions(const EnvConfig& config) {
+    try {
+        return static_cast<std::int64_t>(Env(config, /*seed=*/0).actions().size());
+    } catch (const std::exception& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec) {
+    try {
+        return program.make_agent(spec);
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+/// Before anything large is made: its initial values alone can take minutes.
+void check_memory(const Program& program, const AgentSpec& spec) {
+    auto env = program.env;
+    env.num_envs = spec.num_envs;
+    const auto available = available_memory();
+    const auto environments = VectorEnv::memory_needed(env);
+    if (environments > available)
+        refuse_memory(fmt::format("{} environments", env.num_envs), environments, available,
+                      "lower env.num_envs");
+    if (program.check_memory) program.check_memory(spec, available - environments);
+}
+
+using Facts = std::vector<std::pair<std::string, std::string>>;
+
+/// What a run is, for who watches it.
+Facts header_of(const Program& program, const AgentSpec& spec, const fs::path& run_dir,
+                const std::string& machine) {
+    return {
+        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
+        {"protocol", fmt::format("sticky {}, life loss {}", program.env.sticky_probability,
+                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
+        {"actions", spec.num_actions > 0 ? fmt::format("{} joystick events", spec.num_actions)
+                                         : fmt::format("continuous, threshold {}", program.env.threshold)},
+        {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
+                                    grouped(program.train.total_steps * program.env.frame_skip))},
+        {"environments", fmt::format("{}", program.env.num_envs)},
+        {"device", machine},
+        {"seed", fmt::format("{}", program.train.seed)},
+        {"run folder", run_dir.string()}};
+}
+
+int run(const Program& program, int argc, const char* const* argv) {
+    const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
+    if (line.finished) {
+        flush_standard_output();
+        return kDone;
+    }
+
+    const Game* game = nullptr;
+    fs::path rom;
+    try {
+        game = &find_game(program.env.game);
+        rom = find_rom(program.env.game, program.env.rom_dir);
+    } catch (const std::exception& error) {
+        throw ConfigError(error.what());
+    }
+    const auto place = find_place(program);
+    const torch::Device device = choose_device(line.device, place);
+    // What LibTorch makes without being told a device, such as pinned memory, belongs to the current one.
+    if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
+    // Adam's averages of weights without gradients decay into subnormal numbers, which cost a
+    // CPU a hundred times more: an update would slow down two- to fourfold within an hour. Set
+    // before LibTorch starts its threads, which inherit it. XLA, under the reference, does the same.
+    at::globalContext().setFlushDenormal(true);
+    // Gradients of tens of megabytes come and go with every update: keep their pages.
+    mallopt(M_MMAP_THRESHOLD, 1 << 30);
+    mallopt(M_TRIM_THRESHOLD, 1 << 30);
+
+    const ProcessGroup processes = join_processes(place, program, device);
+    fs::path run_dir = choose_run_dir(line, program, *game);
+    const std::string changes =
+        line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
+    auto metadata = line.resume ? read_metadata(run_dir) : std::nullopt;
+    const int threads = choose_threads(line, program, metadata, run_dir, place ? place->local_size : 1);
+    at::set_num_threads(threads);
+
+    AgentSpec spec = spec_of(program.env, program.train);
+    spec.num_envs /= processes.size();
+    spec.processes = processes;
+    spec.num_actions = count_actions(program.env);
+    spec.device = device;
+    check_memory(program, spec);
+
+    std::optional<NewFolder> folder;  // the other processes of a run write nothing
+    if (!line.resume && processes.first()) {
+        folder.emplace(make_run_dir(line, run_dir));
+        run_dir = folder->path();
+    }
+    // Networks and environments may take a while to make.
+    if (processes.first()) {
+        Console(stderr).header(
+            fmt::format("{} on ALE/{}-v5", program.agent_name, game->name),
+            header_of(program, spec, run_dir,
+                      fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                                  processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
+    }
+    const std::unique_ptr<Agent> agent = make_agent(program, spec);
+    const RunIdentity identity{.program = program.name,
+                               .agent = program.agent_name,
+                               .env_id = fmt::format("ALE/{}-v5", game->name),
+                               .seed = program.train.seed,
+                               .rom = rom};
+    const Sitting sitting{.command = joined(argc, argv),
+                          .device = device.str(),
+                          .threads = threads,
+                          .processes = static_cast<int>(processes.size())};
+    std::optional<RunLock> lock;
+    if (processes.first()) {
+        lock.emplace(run_dir);
+        if (!line.resume) require_no_run(run_dir);  // that came and went while the agent was made
+        if (!metadata) metadata.emplace(run_dir, identity, sitting);
+        metadata->set_schedule_over_run(program.schedule_over_run());
+        if (!line.resume) {
+            metadata->write();  // in this order: see require_no_run()
+            write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+        }
+    }
+
+    TrainOptions options;
+    options.run_dir = run_dir;
+    options.processes = processes;
+    options.resume = line.resume;
+    options.changed = !changes.empty();
+    options.config = program.table.to_yaml();
+    options.checkpointed = [&] { metadata->write(); };
+    options.resumed = [&](double trained_seconds) {
+        write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+        metadata->resume(sitting, trained_seconds);
+        if (!changes.empty()) metadata->add_change(changes);
+        metadata->write();
+        if (!changes.empty())
+            std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
+    };
+    options.progress_bar = line.progress;
+    options.agent_name = program.agent_name;
+    for (const auto& entry : program.table.entries())
+        options.hyperparameters.emplace_back(entry.key, entry.get());
+
+    try {
+        const Outcome outcome =
+            train_on_record(*agent, program, options, processes.first() ? &*metadata : nullptr);
+        return outcome == Outcome::finished ? kDone : kInterrupted;
+    } catch (const ResumeError& error) {
+        if (changes.empty()) throw;
+        throw ResumeError(
+            fmt::format("--accept-changes: what is stored may not fit {}: {}; take that back, or "
+                        "start a new run",
+                        changes, error.what()));
+    }
+}
+
+}  // namespace
+
+int run_program(const Program& program, int argc, const char* const* argv) {
+    const auto fail = [&](const std::exception& error, ExitCode code) {
+        std::fprintf(stderr, "%s: %s\n", program.name.c_str(), failure_sentence(error).c_str());
+        return code;
+    };
+    try {
+        return run(program, argc, argv);
+    } catch (const ConfigError& error) {
+        return fail(error, kUsage);
+    } catch (const ResumeError& error) {
+        return fail(error, kCannotResume);
+    } catch (const std::exception& error) {
+        return fail(error, kFailed);
+    }
+}
+
+}  // namespace cale

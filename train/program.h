@@ -1,0 +1,79 @@
+// What every training program does around its algorithm.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "agents/agent.h"
+#include "settings/config.h"
+#include "settings/run_config.h"
+
+namespace cale {
+
+/// One algorithm, ready to be trained: its settings are in the table already.
+struct Program {
+    std::string name;                                                    // "train_sac"
+    std::string agent_name;                                              // "sac"
+    std::string description;                                             // for --help
+    ConfigTable& table;                                                  // refers to the next four
+    EnvConfig& env;                                                      // section env
+    TrainConfig& train;                                                  // section train
+    EvalConfig& eval;                                                    // section eval
+    LogConfig& log;                                                      // section log
+    std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
+    bool several_processes = false;                    // can train one agent together: see ProcessGroup
+    std::function<std::string()> schedule_over_run{};  // see AgentSpec
+    /// Throws std::runtime_error unless the agent fits into so many bytes. None: it is not known beforehand.
+    std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
+};
+
+/// Reads the command line, makes or opens the run's folder, trains.
+/// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
+/// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
+int run_program(const Program& program, int argc, const char* const* argv);
+
+/// Whether an agent makes use of AgentSpec::processes: its settings say so by kSeveralProcesses.
+template <class AgentConfig>
+constexpr bool trains_in_several_processes() {
+    if constexpr (requires { AgentConfig::kSeveralProcesses; }) return AgentConfig::kSeveralProcesses;
+    return false;
+}
+
+/// The setting by which a schedule of the agent lasts for the whole run; empty: there is none. See AgentSpec.
+template <class AgentConfig>
+std::string find_schedule_over_run(const AgentConfig& config) {
+    if constexpr (requires { schedule_over_run(config); }) return std::string(schedule_over_run(config));
+    return "";
+}
+
+/// The main() of a training program in one call.
+template <class AgentConfig>
+int run_program(const std::string& agent_name, const std::string& description,
+                std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
+                const char* const* argv) {
+    RunConfig<AgentConfig> config;
+    ConfigTable table = settings_of(config);
+    Program program{
+        .name = "train_" + agent_name,
+        .agent_name = agent_name,
+        .description = description,
+        .table = table,
+        .env = config.env,
+        .train = config.train,
+        .eval = config.eval,
+        .log = config.log,
+        .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
+        .several_processes = trains_in_several_processes<AgentConfig>(),
+        .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
+    };
+    if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
+        program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
+            check_memory(config.agent, spec, available);
+        };
+    }
+    return run_program(program, argc, argv);
+}
+
+}  // namespace cale

@@ -1,0 +1,47 @@
+#include "train/resume.h"
+
+#include <algorithm>
+#include <string_view>
+#include <system_error>
+
+#include <fmt/format.h>
+
+#include "cale/text.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+/// "step_000250000" or "step_000250000.csv" as 250000.
+std::optional<std::int64_t> step_in(std::string_view name, std::string_view ending) {
+    if (!name.starts_with("step_") || !name.ends_with(ending)) return std::nullopt;
+    name.remove_prefix(5);
+    if (name.size() < ending.size()) return std::nullopt;
+    name.remove_suffix(ending.size());
+    return number_in<std::int64_t>(name);
+}
+
+}  // namespace
+
+std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
+    return step_in(folder.filename().native(), "");
+}
+
+std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
+                          std::string_view schedule_over_run) {
+    const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();
+    if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
+    return fmt::format("{} was {} and is now {}{}", key, before, now,
+                       scheduled ? fmt::format(", which changes the schedule of {}", schedule_over_run) : "");
+}
+
+std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {
+    std::optional<std::int64_t> newest;
+    std::error_code ignored;
+    for (const auto& item : fs::directory_iterator(folder, ignored))
+        newest = std::max(newest, step_in(item.path().filename().native(), ending));
+    return newest;
+}
+
+}  // namespace cale

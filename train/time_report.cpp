@@ -1,0 +1,47 @@
+#include "train/time_report.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "agents/time_split.h"
+#include "train/log.h"
+
+namespace cale {
+
+std::string time_report(const std::filesystem::path& run_dir) {
+    const auto path = run_dir / "progress.csv";
+    const auto columns = read_progress(path);
+    const auto column = [&](const std::string& name) -> const std::vector<double>& {
+        const auto found = columns.find(name);
+        if (found == columns.end() || found->second.empty()) {
+            throw std::runtime_error(
+                fmt::format("{} has no {} yet: a run writes it with its first row, after "
+                            "log.every agent steps or at its end",
+                            path.string(), name));
+        }
+        return found->second;
+    };
+    const auto& seconds = column("seconds");
+    const auto steps = column("global_step").back();
+    TimeSplit split;
+    for (const auto& [name, part] : TimeSplit::kParts) {
+        const auto& shares = column(fmt::format("time/{}", name));
+        double before = 0;
+        for (std::size_t row = 0; row < shares.size(); ++row) {
+            if (!std::isnan(shares[row])) split.*part += shares[row] * (seconds[row] - before);
+            before = seconds[row];
+        }
+    }
+    std::string text = fmt::format(
+        "{}: {:.0f} agent steps in {:.1f} s, {:.1f} a second\n\n{:<12} {:>6} {:>12}\n", run_dir.string(),
+        steps, seconds.back(), steps / seconds.back(), "", "share", "ms per step");
+    for (const auto& [name, part] : TimeSplit::kParts) {
+        text += fmt::format("{:<12} {:>5.1f}% {:>12.3f}\n", name, 100 * (split.*part) / split.total(),
+                            1000 * (split.*part) / steps);
+    }
+    return text;
+}
+
+}  // namespace cale

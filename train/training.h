@@ -1,0 +1,43 @@
+// The training loop: environments, one agent, logs, evaluations and checkpoints.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "agents/agent.h"
+#include "settings/run_config.h"
+
+namespace cale {
+
+/// What the loop is told beside the configuration.
+struct TrainOptions {
+    std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
+    bool resume = false;
+    /// Called once the run's state has been loaded, with the seconds that it has been trained for so far.
+    std::function<void(double)> resumed = {};
+    std::function<void()> checkpointed = {};  // called whenever a checkpoint has been begun
+    bool changed = false;                     // with resume: settings differ from the checkpoint's
+    bool progress_bar = true;
+    ProcessGroup processes{};  // that train together; the first one writes the files
+    std::string agent_name;    // "sac", for episodes.csv
+    std::string config;        // all settings as YAML, for the checkpoints
+    std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
+};
+
+enum class Outcome { finished, interrupted };
+
+/// Trains `agent` for train.total_steps agent steps and leaves in the run's folder
+/// progress.csv, episodes.csv, TensorBoard events, checkpoints/, learning_curve.svg and,
+/// if evaluations were asked for, eval/ and videos/.
+///
+/// SIGINT and SIGTERM end it early, after a checkpoint; a second one ends the program at once.
+/// Throws std::runtime_error where the disk fails or a logged value is not finite (the
+/// checkpoints before are intact), and ResumeError.
+Outcome train(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
+              const LogConfig& log, const TrainOptions& options);
+
+}  // namespace cale
