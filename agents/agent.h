@@ -10,12 +10,12 @@
 
 #include <torch/types.h>
 
-#include "agents/process_group.h"
 #include "agents/time_split.h"
 #include "cale/env.h"
 
 namespace cale {
 
+class ProcessGroup;
 class ReplayBuffer;
 
 /// Tensors by name.
@@ -24,7 +24,7 @@ using TensorMap = std::map<std::string, torch::Tensor>;
 /// The world that an agent is made for.
 ///
 /// Beside an agent's configuration there may be these functions, which the training programs call
-/// (agents/ppo.h has all of them):
+/// (agents/on_policy.h has all of them):
 ///   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
 ///                                          not fit together or to this world. make_NAME() calls it too. Is
 ///                                          called before there is a game: num_actions is 0 or not, no more.
@@ -42,7 +42,8 @@ struct AgentSpec {
     bool overlap = false;                      // the environments step while the agent learns
     std::uint64_t seed = 1;                    // all that is random in the agent follows from it
     torch::Device device = torch::kCPU;        // where the networks are
-    ProcessGroup processes = {};  // that train this agent together, each with num_envs environments
+    /// That train this agent together, each with num_envs environments. Null: this one alone.
+    const ProcessGroup* processes = nullptr;
 };
 
 /// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not

@@ -333,7 +333,7 @@ int run(const Program& program, int argc, const char* const* argv) {
 
     AgentSpec spec = spec_of(program.env, program.train);
     spec.num_envs /= processes.size();
-    spec.processes = processes;
+    spec.processes = &processes;
     spec.num_actions = count_actions(program.env);
     spec.device = device;
     check_memory(program, spec);
