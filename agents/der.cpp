@@ -46,7 +46,7 @@ torch::Tensor action_values(const torch::Tensor& output, const torch::Tensor& su
 }
 
 /// The outputs [B, atoms] of the actions [B] in [B, A, atoms].
-torch::Tensor gather_actions(const torch::Tensor& output, const torch::Tensor& actions) {
+torch::Tensor gather_outputs(const torch::Tensor& output, const torch::Tensor& actions) {
     return output.gather(1, actions.view({-1, 1, 1}).expand({-1, 1, output.size(2)})).squeeze(1);
 }
 
@@ -63,7 +63,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
     const auto support = config.distributional
                              ? atom_support(config.num_atoms, config.value_limit, output.options())
                              : torch::Tensor();
-    const auto predicted = gather_actions(output, batch.action);  // [B, atoms]
+    const auto predicted = gather_outputs(output, batch.action);  // [B, atoms]
 
     torch::Tensor expected;  // [B, atoms], or [B, 1] if not distributional
     {
@@ -71,7 +71,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
         const auto next = target(batch.next_observation, &noise.target);
         // Double Q-learning: one network chooses, the other evaluates.
         const auto choosing = config.double_dqn ? network(batch.next_observation, &noise.target) : next;
-        const auto evaluated = gather_actions(next, action_values(choosing, support).argmax(1));
+        const auto evaluated = gather_outputs(next, action_values(choosing, support).argmax(1));
         const auto n_step_return = config.replay.reward_scale * batch.n_step_return.to(type).unsqueeze(1);
         const auto discount = batch.discount.to(type).unsqueeze(1);
         expected = config.distributional ? project_distribution(n_step_return + discount * support,

@@ -21,7 +21,7 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
     require_batch_shapes("dqn_losses", batch, {batch.observation.size(0)});
 
     const auto all_values = network(batch.observation).squeeze(2);
-    const auto q = values_of(all_values, batch.action);
+    const auto q = gather_actions(all_values, batch.action);
 
     torch::Tensor y;  // DQN's equation 2
     {
@@ -29,7 +29,7 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
         const auto next = target(batch.next_observation).squeeze(2);
         const auto chosen = (config.double_dqn ? network(batch.next_observation).squeeze(2) : next).argmax(1);
         y = config.replay.reward_scale * batch.n_step_return.to(q.dtype()) +
-            batch.discount.to(q.dtype()) * values_of(next, chosen);
+            batch.discount.to(q.dtype()) * gather_actions(next, chosen);
     }
     const auto loss = config.loss == ValueLoss::huber ? at::huber_loss(q, y) : at::mse_loss(q, y);
     return {loss, q.detach(), y};

@@ -74,7 +74,7 @@ class AgentReplay {
 
     /// Stores one step of every environment. Throws std::invalid_argument for other counts and for a reward
     /// that is not finite.
-    void record(const Experiences& seen);
+    void record(const StepBatch& batch);
     /// Whether more than min_replay transitions have been stored, so that updates may begin.
     bool ready() const;
 
@@ -174,7 +174,7 @@ class OffPolicy final : public Agent {
                                .random = training ? random_.acting : random_.evaluation});
     }
 
-    void observe(const Experiences& seen) override { replay_.record(seen); }
+    void observe(const StepBatch& batch) override { replay_.record(batch); }
 
     bool update(const torch::Tensor&) override {
         const auto& config = algorithm_.config;

@@ -130,7 +130,7 @@ class OnPolicy final : public Agent {
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
           // A message to other processes cannot be part of a recording.
-          gradient_step_(processes_.alone() ? spec.device : torch::Device(torch::kCPU), {}) {}
+          gradient_step_(processes_.single() ? spec.device : torch::Device(torch::kCPU), {}) {}
 
     torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -149,10 +149,10 @@ class OnPolicy final : public Agent {
                                          : epsilon_greedy(actions, epsilon, spec_.num_actions, random));
     }
 
-    void observe(const Experiences& seen) override {
-        rollout_.add(seen.actions, seen.results, seen.final_frames);
+    void observe(const StepBatch& batch) override {
+        rollout_.add(batch.actions, batch.results, batch.final_frames);
         training_steps_ += share_.all;
-        if (repeats()) repeated_frame_.remember(seen.frames, seen.results[0]);
+        if (repeats()) repeated_frame_.remember(batch.frames, batch.results[0]);
     }
 
     bool update(const torch::Tensor& observations) override {

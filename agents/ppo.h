@@ -16,7 +16,7 @@ namespace cale {
 
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig : OnPolicySettings {
-    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr bool kDiscrete = false;
 
     double clip = 0.1;
     bool clip_value_loss = true;

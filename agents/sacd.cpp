@@ -49,7 +49,7 @@ SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const 
     // Critics, SAC's equation 5 for values of every action.
     const auto features = network->encoder->trunk(batch.observation);
     const auto values = network->critic(network->encoder->critic_branch(features));
-    const auto q1 = values_of(values.q1, batch.action), q2 = values_of(values.q2, batch.action);
+    const auto q1 = gather_actions(values.q1, batch.action), q2 = gather_actions(values.q2, batch.action);
     const auto critic_loss = ((q1 - y).square() + (q2 - y).square()).mean();
 
     // Actor, SAC-D's equation 12: a sum over the actions, not their mean.

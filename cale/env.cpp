@@ -95,7 +95,7 @@ struct Env::Impl {
         if (episode_over)
             throw std::logic_error("the episode is over, or none was started: call reset() first");
         StepResult result;
-        result.event = event;
+        result.event = static_cast<std::uint8_t>(event);
         bool game_over = false;
         do {
             result.reward += static_cast<float>(emulator.act(event, strength));

@@ -15,6 +15,7 @@
 #include "cale/action.h"
 #include "cale/fields.h"
 #include "cale/frames.h"
+#include "world/step_result.h"
 
 namespace cale {
 
@@ -76,17 +77,6 @@ void fields(EnvConfig& config, Visit&& visit) {
 EnvConfig protocol_200m(std::string game);
 /// Atari 100k: no sticky actions, a lost life ends the agent's episode.
 EnvConfig protocol_atari100k(std::string game);
-
-/// What one agent step brought.
-struct StepResult {
-    float reward = 0;           // sum over the frames of the step, neither clipped nor scaled
-    bool terminal = false;      // no bootstrapping: game over, or a life lost where that counts
-    bool truncated = false;     // cut off by max_frames_per_episode, the game not being over
-    bool episode_over = false;  // the game must be reset: game over or truncated
-    Event event = Event::noop;  // what the joystick was asked to do
-    int lives = 0;              // left after the step
-    int frames = 0;             // emulated frames, 1 to frame_skip
-};
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the first that has it of the folder
 /// named by ALE_ROMS_DIR and the `roms` folder of scripts/setup. Throws std::runtime_error that

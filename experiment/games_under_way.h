@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "agents/agent.h"
+#include "agents/process_group.h"
 #include "cale/frames.h"
 #include "cale/vector_env.h"
 #include "experiment/checkpoint.h"

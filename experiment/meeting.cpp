@@ -9,7 +9,7 @@
 namespace cale {
 
 bool agreed_to_stop(const ProcessGroup& processes, bool meeting) {
-    if (processes.alone()) return stop_requested();
+    if (processes.single()) return stop_requested();
     return meeting && processes.any(stop_requested());
 }
 

@@ -347,9 +347,10 @@ int run(const Program& program, int argc, const char* const* argv) {
     if (processes.first()) {
         Console(stderr).header(
             fmt::format("{} on ALE/{}-v5", program.agent_name, game->name),
-            header_of(program, spec, run_dir,
-                      fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
-                                  processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
+            header_of(
+                program, spec, run_dir,
+                fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                            processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
     const RunIdentity identity{.program = program.name,

@@ -98,11 +98,11 @@ inline AgentSpec spec_of(const EnvConfig& env, const TrainConfig& train) {
     return spec;
 }
 
-/// All settings of a run. The table refers to `config`. AgentConfig::kActionSpace is the action
-/// space that the environment has unless told otherwise.
+/// All settings of a run. The table refers to `config`. AgentConfig::kDiscrete says
+/// whether the environment has a set of actions, or else the joystick, where the user does not choose.
 template <class AgentConfig>
 ConfigTable settings_of(RunConfig<AgentConfig>& config) {
-    config.env.action_space = AgentConfig::kActionSpace;
+    config.env.action_space = AgentConfig::kDiscrete ? ActionSpace::minimal : ActionSpace::continuous;
     ConfigTable table;
     table.add("env", config.env);
     table.check("env.game", [](const std::string& game) { find_game(game); });

@@ -334,7 +334,7 @@ class Run {
         const fs::path video = eval_.video ? options_.run_dir / "videos" / (name + ".mp4") : fs::path();
         if (eval_.video) fs::create_directories(video.parent_path());
         const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
-        const auto agent_before = options_.processes.alone() ? agent_.state() : TensorMap();
+        const auto agent_before = options_.processes.single() ? agent_.state() : TensorMap();
         Evaluation result;
         try {
             result = evaluate(video);
@@ -358,7 +358,7 @@ class Run {
     Evaluation evaluate(const fs::path& video) {
         // Other processes, which wait for the end of this, would not know that it was cut off.
         const auto decide = [this](const torch::Tensor& observations, std::span<const std::int64_t>) {
-            if (options_.processes.alone() && stop_requested()) throw Interrupted{};
+            if (options_.processes.single() && stop_requested()) throw Interrupted{};
             return Chosen{.actions = agent_.act(observations, ActMode::evaluate)};
         };
         auto env = env_config_;

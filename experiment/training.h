@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "agents/agent.h"
+#include "agents/process_group.h"
 #include "experiment/run_config.h"
 
 namespace cale {

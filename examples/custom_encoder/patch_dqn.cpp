@@ -49,7 +49,7 @@ struct PatchDqn {
             y = config.replay.reward_scale * batch.n_step_return +
                 batch.discount * target(batch.next_observation).amax(1);
         }
-        const auto loss = at::huber_loss(cale::values_of(network(batch.observation), batch.action), y);
+        const auto loss = at::huber_loss(cale::gather_actions(network(batch.observation), batch.action), y);
         adam.zero_grad();
         loss.backward();
         adam.step();

@@ -43,7 +43,7 @@ void in_a_group_of(int size, const std::function<void(const ProcessGroup&)>& wor
 
 TEST(ProcessGroup, AloneItChangesNothing) {
     const ProcessGroup alone;
-    EXPECT_TRUE(alone.alone());
+    EXPECT_TRUE(alone.single());
     EXPECT_TRUE(alone.first());
     auto numbers = torch::arange(3.0);
     alone.sum({numbers});

@@ -91,7 +91,7 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
 
 /// Has no settings.
 struct WalkConfig {
-    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr bool kDiscrete = false;
 };
 template <class Visit>
 void fields(WalkConfig&, Visit&&) {}
@@ -102,7 +102,7 @@ class Walk : public Agent {
     torch::Tensor act(const torch::Tensor& observations, ActMode) override {
         return torch::tensor({1.0f, 0.0f, 0.0f}).repeat({observations.size(0), 1});
     }
-    void observe(const Experiences&) override {}
+    void observe(const StepBatch&) override {}
     bool update(const torch::Tensor&) override { return false; }
     std::map<std::string, double> metrics() override { return {}; }
     TensorMap state() override { return {}; }
