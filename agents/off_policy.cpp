@@ -146,6 +146,11 @@ void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArray
     require_shape(who, "the next observation", batch.next_observation, batch.observation.sizes());
 }
 
+torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale) {
+    const auto type = next_value.scalar_type();
+    return reward_scale * batch.n_step_return.to(type) + batch.discount.to(type) * next_value;
+}
+
 at::Generator initial_values(const AgentSpec& spec) {
     return make_generator(stream_seed(spec.seed, kInitialValues));
 }
@@ -154,6 +159,10 @@ RandomStreams::RandomStreams(const AgentSpec& spec, bool draws_in_updates)
     : acting(make_generator(stream_seed(spec.seed, kActing))),
       evaluation(make_generator(stream_seed(spec.seed, draws_in_updates ? kEvaluation : kUpdates))) {
     if (draws_in_updates) updates = make_generator(stream_seed(spec.seed, kUpdates), spec.device);
+}
+
+std::vector<at::Generator> RandomStreams::of_updates() const {
+    return updates.defined() ? std::vector{updates} : std::vector<at::Generator>{};
 }
 
 void RandomStreams::add_state(StateParts& parts) {

@@ -13,6 +13,7 @@ namespace example {
 
 /// Every member is a key `agent.<name>`, because fields() visits it.
 struct PatchDqnConfig {
+    static constexpr const char* kName = "patch_dqn";
     // It chooses among a set of actions; the joystick is for agents that say false.
     static constexpr bool kDiscrete = true;
 
