@@ -4,7 +4,6 @@
 
 #include <torch/types.h>
 
-#include "agents/memory.h"
 #include "networks/layers.h"
 
 namespace cale {
@@ -20,13 +19,6 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
                                   .frame_width = spec.frame_width,
                                   .padding = settings.padding},
                     head, generator);
-}
-
-void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
-                  std::string_view size_settings, std::int64_t available) {
-    const auto network = make_q_network(settings, spec, head, no_values());
-    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, size_settings};
-    check_memory(settings.replay, spec, prioritised, memory_beside(networks, spec, available));
 }
 
 namespace {

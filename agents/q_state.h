@@ -1,11 +1,12 @@
 // What DQN and DER have in common: their settings, and what a gradient step changes.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
-#include <string_view>
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
+#include "agents/memory.h"
 #include "agents/off_policy.h"
 #include "agents/state.h"
 #include "cale/fields.h"
@@ -50,10 +51,14 @@ void fields(QSettings& settings, Visit&& visit) {
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator);
 
-/// Throws std::runtime_error, naming what is too large and the `size_settings` to lower, unless an agent with
-/// such a network fits into `available` bytes once its replay is full.
-void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
-                  std::string_view size_settings, std::int64_t available);
+/// See AgentSpec. Names what is too large and the settings to lower: Config::kSizeSettings, or the replay's.
+/// head_of(config) says how action values are represented.
+template <std::derived_from<QSettings> Config>
+void check_memory(const Config& config, const AgentSpec& spec, std::int64_t available) {
+    const auto network = make_q_network(config, spec, head_of(config), no_values());
+    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, Config::kSizeSettings};
+    check_memory(config.replay, spec, is_prioritised(config), memory_beside(networks, spec, available));
+}
 
 /// A network for action values, its target, and the optimiser.
 struct QState {

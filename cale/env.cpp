@@ -116,7 +116,7 @@ struct Env::Impl {
     StepResult advance(Event event, float strength) {
         if (episode_over)
             throw std::logic_error("the episode is over, or none was started: call reset() first");
-        StepResult result{.event = event, .frames = 0};
+        StepResult result{.event = static_cast<std::uint8_t>(event), .frames = 0};
         bool game_over = false;
         do {
             result.reward += static_cast<float>(emulator.act(event, strength));

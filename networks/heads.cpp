@@ -81,7 +81,7 @@ SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
     return {mean, log_std.expand_as(mean)};
 }
 
-torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions) {
+torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {
     return values.gather(1, actions.unsqueeze(1)).squeeze(1);
 }
 

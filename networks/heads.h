@@ -42,7 +42,7 @@ class MlpImpl : public torch::nn::Module {
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
 
 /// values [B, A], actions [B] int64 -> the values of the actions, [B].
-torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions);
+torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions);
 
 /// Two estimates of the same action values, of one shape.
 struct TwinValues {

@@ -66,7 +66,7 @@ PpoNetworkImpl::Output PpoNetworkImpl::forward(const torch::Tensor& observation)
 }
 
 torch::Tensor log_prob(const PpoPolicy& policy, const torch::Tensor& action, const ActionBox& box) {
-    return policy.gaussian ? log_prob(*policy.gaussian, action, box) : values_of(policy.log_pi, action);
+    return policy.gaussian ? log_prob(*policy.gaussian, action, box) : gather_actions(policy.log_pi, action);
 }
 
 torch::Tensor entropy(const PpoPolicy& policy) {

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "cale/env.h"
+#include "world/step_result.h"
 
 namespace cale {
 

@@ -10,8 +10,8 @@
 
 #include <torch/types.h>
 
-#include "cale/env.h"
 #include "replay/accumulator.h"
+#include "world/step_result.h"
 
 namespace cale {
 

@@ -105,12 +105,13 @@ AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     return spec;
 }
 
-/// Returns all settings of a run. The table refers to `config`. AgentConfig::kActionSet is the default of an
-/// Atari game's env.action_space.
+/// Returns all settings of a run. The table refers to `config`. AgentConfig::kDiscrete says
+/// whether an Atari game has its minimal set of actions or the joystick, unless the user chooses.
 template <class AgentConfig, class WorldConfig>
 ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     ConfigTable table;
-    if constexpr (std::is_same_v<WorldConfig, EnvConfig>) config.env.action_space = AgentConfig::kActionSet;
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
+        config.env.action_space = AgentConfig::kDiscrete ? ActionSet::minimal : ActionSet::continuous;
     table.add("env", config.env);
     if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
         table.check("env.game", [](const std::string& game) { find_game(game); });

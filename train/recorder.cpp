@@ -166,7 +166,7 @@ bool Recorder::evaluations_decide() const {
 
 /// Several processes agree on it when they synchronise.
 bool Recorder::agreed_to_stop(bool together) const {
-    if (options_.processes.alone()) return stop_requested();
+    if (options_.processes.single()) return stop_requested();
     return together && options_.processes.any(stop_requested());
 }
 
@@ -341,7 +341,7 @@ bool Recorder::run_evaluation() {
     const auto& eval = settings_.eval;
     if (eval.episodes == 0) return true;
     // The other processes wait for the end of this; they would not know that it was cut off.
-    const bool interruptible = options_.processes.alone();
+    const bool interruptible = options_.processes.single();
     Evaluation result;
     const std::string name = fmt::format("step_{:09}", state_.step);
     const bool films = eval.video && world_.can_film;

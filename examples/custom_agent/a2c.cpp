@@ -69,8 +69,8 @@ class A2c final : public Agent {
     }
 
     // Called third, with what the environments answered.
-    void observe(const Experiences& seen) override {
-        rollout_.add(seen.actions, seen.results, seen.final_frames);
+    void observe(const StepBatch& batch) override {
+        rollout_.add(batch.actions, batch.results, batch.final_frames);
     }
 
     // What the log shows.
@@ -101,7 +101,7 @@ class A2c final : public Agent {
                                               value.detach().view_as(rollout_.reward),
                                               network_(on_device(next_observations)).value, config_.gamma, 1);
         }
-        const auto chosen = values_of(policy.log_pi, on_device(rollout_.action.flatten()));
+        const auto chosen = gather_actions(policy.log_pi, on_device(rollout_.action.flatten()));
         const auto policy_loss = -(chosen * estimate.advantage.flatten()).mean();
         const auto value_loss = (value - estimate.returns.flatten()).square().mean();
         const auto mean_entropy = entropy(policy).mean();

@@ -49,7 +49,7 @@ struct PatchDqn {
             y = config.replay.reward_scale * batch.n_step_return +
                 batch.discount * target(batch.next_observation).amax(1);
         }
-        const auto loss = at::huber_loss(cale::values_of(network(batch.observation), batch.action), y);
+        const auto loss = at::huber_loss(cale::gather_actions(network(batch.observation), batch.action), y);
         adam.zero_grad();
         loss.backward();
         adam.step();
@@ -57,8 +57,6 @@ struct PatchDqn {
     }
 
     void copy_to_target() { cale::hard_update(target->parameters(), network->parameters()); }
-
-    std::optional<double> epsilon(double scheduled) const { return scheduled; }
 
     std::map<std::string, double> metrics(const Losses& losses) const {
         return {{"losses/td_loss", losses.loss.item<double>()}};
@@ -79,7 +77,6 @@ struct PatchDqn {
 }  // namespace
 
 std::unique_ptr<cale::Agent> make_patch_dqn(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
-    cale::require_discrete("patch_dqn", spec);
     return cale::off_policy<PatchDqn>(config, spec);
 }
 

@@ -126,7 +126,7 @@ std::span<const std::uint8_t> bytes_of(const torch::Tensor& frames) {
 
 }  // namespace
 
-Experiences NoiseStep::experiences(const torch::Tensor& actions) const {
+StepBatch NoiseStep::experiences(const torch::Tensor& actions) const {
     return {bytes_of(frames), actions, results, bytes_of(final_frames)};
 }
 

@@ -30,6 +30,7 @@ struct Settings {
     std::int64_t hidden_units = 16;
     ReplaySettings replay = small_replay();
     EpsilonSettings epsilon{.epsilon_decay_period = 20};
+    std::int64_t actor_period = 1;
 };
 
 struct Kind {
@@ -63,6 +64,8 @@ Kind kind(const std::string& name, std::int64_t num_actions,
                 else
                     changed.hidden_units = settings.hidden_units;
                 if constexpr (requires { changed.replay; }) changed.replay = settings.replay;
+                if constexpr (requires { changed.actor_period; })
+                    changed.actor_period = settings.actor_period;
                 return make(changed, spec);
             }};
 }
@@ -410,6 +413,61 @@ TEST_P(ReplayAgent, GoesOnWithTheGameUnderWayAfterARestore) {
     restored->replay()->load(folder.path());
     drive(*restored, spec, 10, 1);
     EXPECT_EQ(transitions_of(*restored), before + 1);
+}
+
+// Agents with an actor of their own ---------------------------------------------------
+
+class ActorCritic : public EveryAgent {
+  protected:
+    static bool is_of_actor(const std::string& name) {
+        return name.starts_with("network/actor.") || name.starts_with("network/encoder.actor_") ||
+               name == "log_alpha";
+    }
+};
+
+INSTANTIATE_TEST_SUITE_P(Table, ActorCritic, testing::Values(sac(), sacd()), name_of);
+
+TEST_P(ActorCritic, StepsItsActorAtEveryThirdGradientStepAlone) {
+    Settings settings;
+    settings.actor_period = 3;
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 21);
+    for (std::int64_t step = 21; step < 33; ++step) {
+        const auto before = agent->state();
+        EXPECT_EQ(drive(*agent, spec, step, 1), 1);
+        const bool steps_actor = gradient_steps_of(*agent) % 3 == 0;
+        for (const auto& [name, tensor] : agent->state()) {
+            if (!name.starts_with("network/") && name != "log_alpha") continue;
+            EXPECT_EQ(torch::equal(tensor, before.at(name)), is_of_actor(name) && !steps_actor)
+                << name << " at gradient step " << gradient_steps_of(*agent);
+        }
+        EXPECT_EQ(agent->metrics().contains("losses/actor_loss"), gradient_steps_of(*agent) >= 3);
+    }
+    EXPECT_EQ(agent->state().at("adam/delayed_steps").item<float>(), 4);
+    EXPECT_EQ(agent->state().at("alpha_adam/steps").item<float>(), 4);
+}
+
+TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
+    Settings settings;
+    settings.actor_period = 3;
+    const auto spec = world();
+    for (const std::int64_t moment : {25, 26, 27}) {
+        const test::TemporaryFolder folder;
+        const auto original = make(spec, settings), restored = make(spec, settings);
+        drive(*original, spec, 0, moment);
+        original->replay()->save(folder.path());
+        restored->load_state(original->state());
+        restored->replay()->load(folder.path());
+        for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 8);
+        expect_equal(restored->state(), original->state());
+    }
+}
+
+TEST_P(ActorCritic, HasTheStateOfOldCheckpointsUnlessItsActorIsDelayed) {
+    const auto state = make(world())->state();
+    EXPECT_FALSE(state.contains("gradient_steps"));
+    EXPECT_FALSE(state.contains("adam/delayed_steps"));
 }
 
 // Agents that explore epsilon-greedily ------------------------------------------------

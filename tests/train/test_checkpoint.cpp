@@ -35,7 +35,7 @@ using testing::ThrowsMessage;
 class Rememberer : public Agent {
   public:
     torch::Tensor act(const torch::Tensor&, ActMode) override { return {}; }
-    void observe(const Experiences&) override {}
+    void observe(const StepBatch&) override {}
     bool update(const torch::Tensor&) override { return false; }
     std::map<std::string, double> metrics() override { return {}; }
     TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }

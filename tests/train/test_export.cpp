@@ -44,8 +44,7 @@ struct Case {
 
 template <class AgentConfig>
 Case make_case(const std::string& name, const std::string& agent, AgentConfig agent_config,
-               ActionSet action_space,
-               std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&)) {
+               ActionSet action_space, std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&)) {
     if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
     const auto yaml = [agent_config, action_space] {
         RunConfig<AgentConfig> config;
@@ -121,7 +120,7 @@ class ExportEmulator : public testing::TestWithParam<Case> {
         AgentSpec spec;
         spec.num_actions = action_space == ActionSet::continuous ? 0
                            : action_space == ActionSet::full     ? 18
-                                                                   : 4;
+                                                                 : 4;
         agent = make(spec);
         RunSnapshot snapshot;
         snapshot.state.step = 1'234;
