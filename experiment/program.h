@@ -7,6 +7,7 @@
 #include <string>
 
 #include "agents/agent.h"
+#include "agents/memory.h"
 #include "experiment/config.h"
 #include "experiment/run_config.h"
 

@@ -309,7 +309,7 @@ class Run {
         RunSnapshot snapshot{
             .state = state_, .agent = agent_.state(), .games = games_.state(), .config = options_.config};
         if (config_.save_replay && agent_.replay() != nullptr)
-            snapshot.replay.emplace(agent_.replay()->snapshot());
+            snapshot.replay.emplace(*agent_.replay());
         checkpoints_.start(std::move(snapshot));
         written_step_ = state_.step;
         if (options_.checkpointed) options_.checkpointed();
