@@ -11,7 +11,6 @@
 #include <torch/types.h>
 
 #include "agents/exploration.h"
-#include "agents/memory.h"
 #include "agents/network_settings.h"
 #include "agents/off_policy.h"
 #include "agents/state.h"
@@ -24,6 +23,8 @@ namespace cale {
 
 /// The defaults are CALE's for 200 million frames.
 struct ActorCriticSettings {
+    static constexpr const char* kSizeSettings = "agent.hidden_units or agent.hidden_layers";
+
     NetworkSettings network;
     ReplaySettings replay{.reward_scale = 0.1};
     Exploration exploration = Exploration::standard;
@@ -49,14 +50,6 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
           "part of the online network that the target takes on at every gradient step");
     visit("actor_period", settings.actor_period, Range{1, 1'000'000},
           "gradient steps of the critics for each one of the actor and of alpha");
-}
-
-/// See AgentSpec. Names what is too large and the settings to lower.
-template <std::derived_from<ActorCriticSettings> Config>
-void check_memory(const Config& config, const AgentSpec& spec, std::int64_t available) {
-    const NetworkMemory networks{parameter_bytes(*make_network(config, spec, no_values())), /*target=*/true,
-                                 "agent.hidden_units or agent.hidden_layers"};
-    check_memory(config.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
 }
 
 /// An actor-critic network, its target, the temperature, and their optimisers.

@@ -2,6 +2,8 @@
 
 #include <stdexcept>
 
+#include <torch/types.h>
+
 namespace cale {
 
 void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSpace& observations) {
@@ -24,6 +26,13 @@ void require_discrete(std::string_view who, const AgentSpec& spec) {
         std::string(who) +
         " chooses among discrete actions; this world has the continuous joystick: set "
         "env.action_space to minimal or full");
+}
+
+void add_mean_action(std::map<std::string, double>& metrics, const torch::Tensor& action) {
+    const auto coordinates = action.cpu();
+    std::int64_t i = 0;
+    for (const auto* tag : {"mean_radius", "mean_theta", "mean_fire"})
+        metrics["charts/" + std::string(tag)] = coordinates[i++].item<double>();
 }
 
 }  // namespace cale

@@ -56,6 +56,9 @@ void require_continuous(std::string_view who, const AgentSpec& spec);
 /// See require_continuous().
 void require_discrete(std::string_view who, const AgentSpec& spec);
 
+/// Adds charts/{mean_radius, mean_theta, mean_fire} of an action [3] of the joystick.
+void add_mean_action(std::map<std::string, double>& metrics, const torch::Tensor& action);
+
 /// One agent step of N environments. The spans need to live only during the call.
 struct StepBatch {
     std::span<const std::uint8_t> frames;        // N newest frames: those the actions were chosen on

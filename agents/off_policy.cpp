@@ -10,7 +10,7 @@
 #include <torch/types.h>
 
 #include "networks/shapes.h"
-#include "replay/rewards.h"
+#include "replay/types.h"
 
 namespace cale {
 namespace {
@@ -19,6 +19,12 @@ constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
 
 constexpr std::array kDeviceParts{&Batch::observation, &Batch::action,           &Batch::n_step_return,
                                   &Batch::discount,    &Batch::next_observation, &Batch::probability};
+
+/// The random streams of an agent. Their numbers are part of a run: another number is another seed. Where
+/// updates draw nothing, evaluation has their number.
+enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvaluation };
+
+}  // namespace
 
 ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
     return {.capacity = settings.replay_capacity,
@@ -31,17 +37,6 @@ ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec
             .gamma = settings.gamma,
             .replay_terminal = settings.replay_terminal,
             .prioritised = prioritised};
-}
-
-/// The random streams of an agent. Their numbers are part of a run: another number is another seed. Where
-/// updates draw nothing, evaluation has their number.
-enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvaluation };
-
-}  // namespace
-
-void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
-                  std::int64_t available) {
-    check_memory(replay_config(settings, spec, prioritised), available);
 }
 
 AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised)

@@ -62,9 +62,8 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
 }
 
-/// Throws as AgentReplay's constructor does where so many bytes are too few for it.
-void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
-                  std::int64_t available);
+/// Returns the replay that an agent with these settings has.
+ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised);
 
 /// The replay of an agent, the count of its decisions, and the schedules that follow from that count.
 class AgentReplay {

@@ -9,15 +9,15 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "agents/action_metrics.h"
 #include "agents/advantages.h"
 #include "agents/captured_update.h"
 #include "agents/env_share.h"
 #include "agents/memory.h"
 #include "agents/random.h"
-#include "agents/repeated_frame.h"
 #include "agents/state.h"
 #include "parallel/process_group.h"
+#include "dopamine/repeated_frame.h"
+#include "dopamine/rollout.h"
 
 namespace cale {
 namespace {
@@ -117,15 +117,7 @@ class OnPolicy final : public Agent {
           processes_(group_of(spec.processes)),
           share_(spec),
           state_(initial_state(settings, spec)),
-          rollout_({.length = settings.rollout_steps / share_.all,
-                    .num_envs = spec.num_envs,
-                    .stack = spec.stack,
-                    .frame_height = spec.frame_height,
-                    .frame_width = spec.frame_width,
-                    .action_size = spec.num_actions == 0 ? kJoystickAxes : 0,
-                    .reward_scale = settings.reward_scale,
-                    .reward_clip = settings.reward_clip,
-                    .replay_terminal = settings.replay_terminal}),
+          rollout_(empty_rollout()),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
@@ -137,7 +129,7 @@ class OnPolicy final : public Agent {
         const bool training = mode == ActMode::train;
         auto& random = training ? acting_random_ : evaluation_random_;
         const auto observations = training && repeats() ? repeated_frame_.next(seen) : seen;
-        if (training) rollout_.set_observations(observations);
+        if (training) rollout_->set_observations(observations);
         // The policy is sampled in evaluation too, as the reference does.
         const auto policy = state_.network(observations.to(spec_.device)).policy;
         const auto share = training ? share_ : EnvShare(observations.size(0));
@@ -150,15 +142,15 @@ class OnPolicy final : public Agent {
     }
 
     void observe(const StepBatch& batch) override {
-        rollout_.add(batch.actions, batch.results, batch.final_frames);
+        rollout_->add(batch.actions, batch.results, batch.final_frames);
         training_steps_ += share_.all;
         if (repeats()) repeated_frame_.remember(batch.frames, batch.results[0]);
     }
 
     bool update(const torch::Tensor& observations) override {
-        if (!rollout_.full()) return false;
-        learn(rollout_.next_observation.defined() ? rollout_.next_observation : observations);
-        rollout_.clear();
+        if (!rollout_->full()) return false;
+        learn(rollout_->next_observation.defined() ? rollout_->next_observation : observations);
+        rollout_->clear();
         if (repeats()) repeated_frame_.push();
         return true;
     }
@@ -172,14 +164,14 @@ class OnPolicy final : public Agent {
 
     TensorMap state() override {
         auto state = saved(parts());
-        add_part(state, "rollout/", joined_rollouts(processes_.gather(rollout_.state())));
+        add_part(state, "rollout/", joined_rollouts(processes_.gather(rollout_->state())));
         if (repeats()) add_part(state, "repeated_frame/", repeated_frame_.state());
         return state;
     }
 
     void load_state(const TensorMap& state) override {
-        Rollout rollout(rollout_.config);  // so that nothing has changed if a part is missing
-        rollout.restore(share_of_rollout(part_of(state, "rollout/"), share_));
+        auto rollout = empty_rollout();  // so that nothing has changed if a part is missing
+        rollout->restore(share_of_rollout(part_of(state, "rollout/"), share_));
         auto repeated_frame = repeated_frame_;
         if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
         restore(parts(), state);
@@ -194,6 +186,20 @@ class OnPolicy final : public Agent {
     }
 
   private:
+    std::unique_ptr<Rollout> empty_rollout() const {
+        const RolloutConfig config{.length = settings_.rollout_steps / share_.all,
+                                   .num_envs = spec_.num_envs,
+                                   .stack = spec_.stack,
+                                   .frame_height = spec_.frame_height,
+                                   .frame_width = spec_.frame_width,
+                                   .action_size = spec_.num_actions == 0 ? kJoystickAxes : 0,
+                                   .reward_scale = settings_.reward_scale,
+                                   .reward_clip = settings_.reward_clip};
+        if (settings_.replay_terminal == ReplayTerminal::dopamine)
+            return std::make_unique<DopamineRollout>(config);
+        return std::make_unique<Rollout>(config);
+    }
+
     bool repeats() const { return settings_.stack_after_update == StackAfterUpdate::repeated; }
 
     double epsilon() const {
@@ -218,8 +224,8 @@ class OnPolicy final : public Agent {
     RolloutBatch whole_rollout(const torch::Tensor& next_observations) {
         const torch::NoGradGuard no_grad;
         RolloutBatch whole;
-        whole.observation = rollout_.observation.flatten(0, 1).to(spec_.device);
-        whole.action = rollout_.action.flatten(0, 1).to(spec_.device);
+        whole.observation = rollout_->observation.flatten(0, 1).to(spec_.device);
+        whole.action = rollout_->action.flatten(0, 1).to(spec_.device);
         std::vector<torch::Tensor> log_probs, old_values;
         for (std::int64_t first = 0; first < whole.observation.size(0); first += settings_.minibatch_size) {
             const auto part = [&](const torch::Tensor& steps) {
@@ -231,12 +237,12 @@ class OnPolicy final : public Agent {
         }
         whole.old_log_prob = torch::cat(log_probs);
         whole.old_value = torch::cat(old_values);
-        const auto rewards = rollout_.reward.clone();
-        for (const auto& cut : rollout_.truncations)
+        const auto rewards = rollout_->reward.clone();
+        for (const auto& cut : rollout_->truncations)
             rewards[cut.step][cut.env] +=
                 settings_.gamma * values(cut.observation.unsqueeze(0))[0].item<float>();
         const auto estimate = generalized_advantages(
-            rewards.to(spec_.device), rollout_.terminal.to(spec_.device), whole.old_value.view_as(rewards),
+            rewards.to(spec_.device), rollout_->terminal.to(spec_.device), whole.old_value.view_as(rewards),
             values(next_observations), settings_.gamma, settings_.gae_lambda);
         whole.advantage = estimate.advantage.flatten();
         whole.returns = estimate.returns.flatten();
@@ -325,7 +331,7 @@ class OnPolicy final : public Agent {
     EnvShare share_;
     OnPolicyState state_;
     ActionBox box_ = joystick_box();
-    Rollout rollout_;
+    std::unique_ptr<Rollout> rollout_;
     std::int64_t training_steps_ = 0;
     RepeatedFrame repeated_frame_;
     at::Generator acting_random_, shuffling_random_, evaluation_random_;

@@ -6,7 +6,6 @@
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
-#include "agents/memory.h"
 #include "agents/off_policy.h"
 #include "agents/state.h"
 #include "cale/fields.h"
@@ -51,13 +50,11 @@ void fields(QSettings& settings, Visit&& visit) {
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator);
 
-/// See AgentSpec. Names what is too large and the settings to lower: Config::kSizeSettings, or the replay's.
-/// head_of(config) says how action values are represented.
+/// Returns the network of an agent with these settings; head_of(config) says how action values are
+/// represented.
 template <std::derived_from<QSettings> Config>
-void check_memory(const Config& config, const AgentSpec& spec, std::int64_t available) {
-    const auto network = make_q_network(config, spec, head_of(config), no_values());
-    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, Config::kSizeSettings};
-    check_memory(config.replay, spec, is_prioritised(config), memory_beside(networks, spec, available));
+QNetwork make_network(const Config& config, const AgentSpec& spec, const at::Generator& generator) {
+    return make_q_network(config, spec, head_of(config), generator);
 }
 
 /// A network for action values, its target, and the optimiser.

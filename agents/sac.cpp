@@ -7,7 +7,6 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "agents/action_metrics.h"
 #include "networks/shapes.h"
 
 namespace cale {

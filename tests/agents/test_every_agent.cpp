@@ -17,6 +17,7 @@
 #include "agent_worlds.h"
 #include "replay/replay_buffer.h"
 #include "support/temporary_folder.h"
+#include "replay/replay_snapshot.h"
 
 namespace cale {
 namespace {
@@ -190,12 +191,12 @@ TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
         drive(*original, spec, 0, moment);
         original->act(noise_frames(2, 1), ActMode::evaluate);
         const auto state = original->state();
-        if (original->replay() != nullptr) original->replay()->save(folder.path());
+        if (original->replay() != nullptr) save_replay(*original->replay(), folder.path());
 
         const auto restored = make(world(2, 99), settings);
         drive(*restored, spec, 0, 3);
         restored->load_state(state);
-        if (restored->replay() != nullptr) restored->replay()->load(folder.path());
+        if (restored->replay() != nullptr) load_replay(*restored->replay(), folder.path());
         expect_equal(restored->state(), state);
         for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 30);
         EXPECT_FALSE(torch::equal(restored->state().at("adam/steps"), state.at("adam/steps")));
@@ -409,8 +410,8 @@ TEST_P(ReplayAgent, GoesOnWithTheGameUnderWayAfterARestore) {
     const auto original = make(spec), restored = make(spec);
     drive(*original, spec, 0, 10);
     const auto before = transitions_of(*original);
-    original->replay()->save(folder.path());
-    restored->replay()->load(folder.path());
+    save_replay(*original->replay(), folder.path());
+    load_replay(*restored->replay(), folder.path());
     drive(*restored, spec, 10, 1);
     EXPECT_EQ(transitions_of(*restored), before + 1);
 }
@@ -456,9 +457,9 @@ TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
         const test::TemporaryFolder folder;
         const auto original = make(spec, settings), restored = make(spec, settings);
         drive(*original, spec, 0, moment);
-        original->replay()->save(folder.path());
+        save_replay(*original->replay(), folder.path());
         restored->load_state(original->state());
-        restored->replay()->load(folder.path());
+        load_replay(*restored->replay(), folder.path());
         for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 8);
         expect_equal(restored->state(), original->state());
     }

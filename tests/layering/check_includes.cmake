@@ -9,8 +9,9 @@ set(allowed_policy/onnx policy/onnx policy cale)
 set(allowed_storage storage cale world)
 set(allowed_terminal terminal cale world)
 set(allowed_replay replay cale world)
+set(allowed_dopamine dopamine replay world)
 set(allowed_parallel parallel cale world)
-set(allowed_agents agents parallel replay networks cale world)
+set(allowed_agents agents dopamine parallel replay networks cale world)
 set(allowed_settings settings agents storage terminal cale world)
 set(allowed_report report cale world)
 set(allowed_evaluate evaluate report settings agents policy/torch policy storage terminal cale world)
@@ -18,7 +19,7 @@ set(allowed_train train evaluate ${allowed_evaluate} parallel replay policy/onnx
 set(allowed_sweep sweep train replay settings storage terminal cale world)
 set(allowed_play play evaluate settings policy/torch policy report cale world)
 set(allowed_tools tools play sweep ${allowed_train})
-set(folders world cale policy networks policy/torch policy/onnx storage terminal replay parallel parallel/cpu parallel/cuda
+set(folders world cale policy networks policy/torch policy/onnx storage terminal replay dopamine parallel parallel/cpu parallel/cuda
     agents agents/cpu agents/cuda settings report evaluate train sweep play tools)
 foreach(folder parallel agents)  # what is different for a device
     set(allowed_${folder}/cpu ${allowed_${folder}})

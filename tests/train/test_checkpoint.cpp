@@ -65,7 +65,7 @@ class Checkpoints : public testing::Test {
                              .agent = agent.state(),
                              .games = {{"frames", torch::arange(10)}},
                              .config = "env: {game: pong}\n"};
-        snapshot.replay.emplace(agent.replay()->snapshot());
+        snapshot.replay.emplace(*agent.replay());
         return snapshot;
     }
     /// Steps on to `step`, and writes a checkpoint there.

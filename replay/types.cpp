@@ -1,5 +1,7 @@
-#include "replay/replay_config.h"
+#include "replay/types.h"
 
+#include <cmath>
+#include <cstddef>
 #include <sstream>
 #include <stdexcept>
 
@@ -9,6 +11,11 @@ namespace {
 constexpr std::array<std::string_view, 2> kFalseTrue{"false", "true"};
 
 }  // namespace
+
+std::span<const std::string_view> names_of(ReplayTerminal) {
+    static constexpr std::array<std::string_view, 2> names{"corrected", "dopamine"};
+    return names;
+}
 
 std::string ReplayConfigEntry::text(double number) const {
     const auto i = static_cast<std::size_t>(number);
@@ -42,6 +49,14 @@ void validate(const ReplayConfig& config) {
         throw std::invalid_argument(std::string(entry.key) + " is " + entry.text(entry.value) +
                                     "; it must lie in [" + entry.text(entry.range.low) + ", " +
                                     entry.text(entry.range.high) + "]");
+    }
+}
+
+void require_finite_rewards(std::span<const StepResult> results) {
+    for (std::size_t env = 0; env < results.size(); ++env) {
+        if (std::isfinite(results[env].reward)) continue;
+        throw std::invalid_argument("the reward of environment " + std::to_string(env) + " is " +
+                                    std::to_string(results[env].reward));
     }
 }
 
