@@ -12,14 +12,12 @@
 
 #include "agents/time_split.h"
 #include "cale/env.h"
+#include "networks/tensor_map.h"
 #include "parallel/process_group.h"
 
 namespace cale {
 
 class ReplayBuffer;
-
-/// Tensors by name.
-using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// The world that an agent is made for.
 ///

@@ -15,9 +15,7 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
     head.hidden_units = settings.hidden_units;
     head.dueling = settings.dueling;
     return QNetwork(EncoderConfig{.encoder = settings.encoder,
-                                  .stack = spec.stack,
-                                  .frame_height = spec.frame_height,
-                                  .frame_width = spec.frame_width,
+                                  .observation = {spec.stack, spec.frame_height, spec.frame_width},
                                   .padding = settings.padding},
                     head, generator);
 }

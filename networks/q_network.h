@@ -32,6 +32,14 @@ struct QNoise {
     FactorisedNoise hidden, out, value;  // value: only where dueling
 };
 
+/// Returns what a network of this encoder and this head is made of.
+NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& encoder,
+                        const QHeadConfig& config);
+
+/// Returns value + advantages - their mean over the actions: [B, 1, atoms] and [B, A, atoms] -> [B, A, atoms]
+/// (Wang et al. 2016, equation 9).
+torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages);
+
 /// fc1 with ReLU, then `out` [A x atoms], or `adv` [A x atoms] and `value` [atoms] where dueling:
 /// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy.
 class QHeadImpl : public torch::nn::Module {
@@ -72,6 +80,7 @@ class QNetworkImpl : public torch::nn::Module {
 
     ConvEncoder encoder{nullptr};  // parameters encoder.*
     QHead head{nullptr};           // parameters head.*
+    NetworkSpec acting;            // as evaluations act: without noise
 };
 using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
 

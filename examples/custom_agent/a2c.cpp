@@ -21,9 +21,8 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kEvaluation };
 
 PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
     PpoNetwork network(PpoNetworkConfig{.encoder = {.encoder = config.encoder,
-                                                    .stack = spec.stack,
-                                                    .frame_height = spec.frame_height,
-                                                    .frame_width = spec.frame_width},
+                                                    .observation = {spec.stack, spec.frame_height,
+                                                                    spec.frame_width}},
                                         .torso = Torso::two_branch,
                                         .hidden_layers = 0},
                        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
