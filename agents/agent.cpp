@@ -4,6 +4,13 @@
 
 namespace cale {
 
+void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSpace& observations) {
+    spec.num_actions = num_actions(actions);
+    spec.stack = observations.stack;
+    spec.frame_height = observations.shape.size() == 2 ? observations.shape[0] : 1;
+    spec.frame_width = observations.shape.back();
+}
+
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (spec.num_actions == 0) return;
     throw std::invalid_argument(std::string(who) +

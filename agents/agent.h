@@ -43,6 +43,9 @@ struct AgentSpec {
     ProcessGroup processes = {};  // that train this agent together, each with num_envs environments
 };
 
+/// The world's spaces become the spec's.
+void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSpace& observations);
+
 /// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not
 /// that of the world.
 void require_continuous(std::string_view who, const AgentSpec& spec);

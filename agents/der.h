@@ -20,7 +20,7 @@ namespace cale {
 
 /// The defaults are Dopamine's for 100,000 agent steps.
 struct DerConfig : QSettings {
-    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+    static constexpr ActionSet kActionSet = ActionSet::minimal;
 
     DerConfig() {
         dueling = double_dqn = true;

@@ -23,7 +23,7 @@ std::span<const std::string_view> names_of(ValueLoss);
 
 /// The defaults are Dopamine's for 200 million frames.
 struct DqnConfig : QSettings {
-    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+    static constexpr ActionSet kActionSet = ActionSet::minimal;
 
     ValueLoss loss = ValueLoss::mse;
 };

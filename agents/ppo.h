@@ -31,7 +31,7 @@ std::span<const std::string_view> names_of(StackAfterUpdate);
 
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig {
-    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr ActionSet kActionSet = ActionSet::continuous;
     static constexpr bool kSeveralProcesses = true;  // see train/program.h
 
     NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};

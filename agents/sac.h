@@ -26,7 +26,7 @@ std::span<const std::string_view> names_of(CriticTarget);
 
 /// The defaults are CALE's for 200 million frames.
 struct SacConfig : ActorCriticSettings {
-    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr ActionSet kActionSet = ActionSet::continuous;
 
     double target_entropy = -1.5;
     CriticTarget critic_target = CriticTarget::target_mean_action;

@@ -24,7 +24,7 @@ std::span<const std::string_view> names_of(NextPolicy);
 
 /// The defaults are those of CALE's table of hyper-parameters.
 struct SacdConfig : ActorCriticSettings {
-    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+    static constexpr ActionSet kActionSet = ActionSet::minimal;
 
     SacdConfig() {
         replay.batch_size = 64;

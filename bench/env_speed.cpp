@@ -21,7 +21,7 @@ int measure(int argc, char** argv) {
     cale::EnvConfig config = cale::protocol_200m(argv[1]);
     config.num_envs = bench::whole_number("ENVIRONMENTS", argv[2], 1, 1024);
     config.env_threads = bench::whole_number("THREADS", argv[3], 0, 1024);
-    if (minimal) config.action_space = cale::ActionSpace::minimal;
+    if (minimal) config.action_space = cale::ActionSet::minimal;
     const std::int64_t steps =
         bench::whole_number("STEPS", argv[4], config.num_envs, 1'000'000'000) / config.num_envs;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 #include <random>
 #include <sstream>
 #include <stdexcept>
@@ -14,6 +15,7 @@
 namespace cale {
 namespace {
 
+constexpr std::int64_t kStack = 4;              // arrays of an observation (Mnih et al. 2015)
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
 
 void check_ranges(EnvConfig config) {
@@ -29,9 +31,9 @@ void check_ranges(EnvConfig config) {
     });
 }
 
-std::vector<Event> chosen_actions(const Emulator& emulator, ActionSpace space) {
-    if (space == ActionSpace::continuous) return {};
-    const auto actions = space == ActionSpace::full ? emulator.legal_actions() : emulator.minimal_actions();
+std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
+    if (space == ActionSet::continuous) return {};
+    const auto actions = space == ActionSet::full ? emulator.legal_actions() : emulator.minimal_actions();
     return {actions.begin(), actions.end()};
 }
 
@@ -43,14 +45,34 @@ std::mt19937 noop_stream(std::uint32_t seed) {
 
 }  // namespace
 
-std::span<const std::string_view> names_of(ActionSpace) {
+std::span<const std::string_view> names_of(ActionSet) {
     static constexpr std::array<std::string_view, 3> kNames{"continuous", "minimal", "full"};
+    return kNames;
+}
+
+std::span<const std::string_view> names_of(Obs) {
+    static constexpr std::array<std::string_view, 2> kNames{"pixels", "ram"};
     return kNames;
 }
 
 std::span<const std::string_view> names_of(PaddleStrength) {
     static constexpr std::array<std::string_view, 2> kNames{"one", "radius"};
     return kNames;
+}
+
+Box joystick_space() {
+    constexpr auto kPi = std::numbers::pi_v<float>;
+    return {.low = {0, -kPi, 0}, .high = {1, kPi, 1}};
+}
+
+ActionSpace action_space(const EnvConfig& config) {
+    if (config.action_space == ActionSet::continuous) return joystick_space();
+    return Discrete{kEventCount};
+}
+
+ObservationSpace observation_space(const EnvConfig& config) {
+    if (config.obs == Obs::ram) return {.stack = kStack, .shape = {std::int64_t{kRamSize}}};
+    return {.stack = kStack, .shape = {kFrameHeight, kFrameWidth}};
 }
 
 EnvConfig protocol_200m(std::string game) {
@@ -94,8 +116,7 @@ struct Env::Impl {
     StepResult advance(Event event, float strength) {
         if (episode_over)
             throw std::logic_error("the episode is over, or none was started: call reset() first");
-        StepResult result;
-        result.event = event;
+        StepResult result{.event = event, .frames = 0};
         bool game_over = false;
         do {
             result.reward += static_cast<float>(emulator.act(event, strength));
@@ -117,11 +138,22 @@ struct Env::Impl {
 
     // Keeps the last two screens of a step; the only one of a step of one frame.
     void look(std::int64_t frames_left) {
+        if (config.obs == Obs::ram) return;
         if (frames_left == 0 && config.frame_skip > 1) {
             frames.set_second(emulator.screen());
         } else if (frames_left <= 1) {
             frames.set_first(emulator.screen());
         }
+    }
+
+    void observe(std::span<std::uint8_t> observation) {
+        if (config.obs == Obs::pixels) return frames.write(observation);
+        const auto ram = emulator.ram();
+        if (observation.size() != ram.size()) {
+            throw std::invalid_argument("an observation of the memory has " + std::to_string(ram.size()) +
+                                        " bytes, not " + std::to_string(observation.size()));
+        }
+        std::ranges::copy(ram, observation.begin());
     }
 
     void reset() {
@@ -182,12 +214,12 @@ Env& Env::operator=(Env&&) noexcept = default;
 
 void Env::reset(std::span<std::uint8_t> observation) {
     impl_->reset();
-    impl_->frames.write(observation);
+    impl_->observe(observation);
 }
 
 StepResult Env::step(const ContinuousAction& action, std::span<std::uint8_t> observation) {
     const EnvConfig& config = impl_->config;
-    if (config.action_space != ActionSpace::continuous) {
+    if (config.action_space != ActionSet::continuous) {
         throw std::invalid_argument(
             "this environment was made for discrete actions: step it with the index of one");
     }
@@ -195,7 +227,7 @@ StepResult Env::step(const ContinuousAction& action, std::span<std::uint8_t> obs
     const Event event = joystick_event(action, static_cast<float>(config.threshold), config.event_map);
     const auto result =
         impl_->step(event, config.paddle_strength == PaddleStrength::radius ? action.radius : 1);
-    impl_->frames.write(observation);
+    impl_->observe(observation);
     return result;
 }
 
@@ -206,7 +238,7 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
                                 std::to_string(actions.size()) + " discrete actions of this environment");
     }
     const auto result = impl_->step(actions[static_cast<std::size_t>(action)], 1);
-    impl_->frames.write(observation);
+    impl_->observe(observation);
     return result;
 }
 

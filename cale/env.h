@@ -15,16 +15,23 @@
 #include "cale/action.h"
 #include "cale/fields.h"
 #include "cale/frames.h"
+#include "world/spaces.h"
+#include "world/step_result.h"
 
 namespace cale {
 
+inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
+
 /// What step() takes: the joystick (r, theta, fire), or an index into the game's minimal or the full set of
 /// events.
-enum class ActionSpace { continuous, minimal, full };
+enum class ActionSet { continuous, minimal, full };
 /// How far a paddle moves: as the paper has it, always all the way; or scaled by r, as ale-py does.
 enum class PaddleStrength { one, radius };
-std::span<const std::string_view> names_of(ActionSpace);
+/// What an agent sees: the screen as 84 x 84 grey pixels, or the console's 128 bytes of memory.
+enum class Obs { pixels, ram };
+std::span<const std::string_view> names_of(ActionSet);
 std::span<const std::string_view> names_of(PaddleStrength);
+std::span<const std::string_view> names_of(Obs);
 
 /// The game and the rules that it is played by. protocol_200m() and protocol_atari100k() fill it in.
 struct EnvConfig {
@@ -32,7 +39,8 @@ struct EnvConfig {
     std::string rom_dir;  // empty: see find_rom
     std::int64_t num_envs = 1;
     std::int64_t env_threads = 0;  // 0: one per environment, at most one per core
-    ActionSpace action_space = ActionSpace::continuous;
+    Obs obs = Obs::pixels;
+    ActionSet action_space = ActionSet::continuous;
     double threshold = 0.5;
     EventMap event_map = EventMap::symmetric;
     PaddleStrength paddle_strength = PaddleStrength::one;
@@ -52,6 +60,8 @@ void fields(EnvConfig& config, Visit&& visit) {
     visit("num_envs", config.num_envs, Range{1, 1024}, "environments that step together");
     visit("env_threads", config.env_threads, Range{0, 1024},
           "threads that step them; 0: as many as there are cores");
+    visit("obs", config.obs,
+          "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes, for agent.encoder mlp");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
     visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
@@ -77,16 +87,12 @@ EnvConfig protocol_200m(std::string game);
 /// Atari 100k: no sticky actions, a lost life ends the agent's episode.
 EnvConfig protocol_atari100k(std::string game);
 
-/// What one agent step brought.
-struct StepResult {
-    float reward = 0;           // sum over the frames of the step, neither clipped nor scaled
-    bool terminal = false;      // no bootstrapping: game over, or a life lost where that counts
-    bool truncated = false;     // cut off by max_frames_per_episode, the game not being over
-    bool episode_over = false;  // the game must be reset: game over or truncated
-    Event event = Event::noop;  // what the joystick was asked to do
-    int lives = 0;              // left after the step
-    int frames = 0;             // emulated frames, 1 to frame_skip
-};
+/// Returns the box of CALE's joystick: (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1].
+Box joystick_space();
+/// Returns what the settings alone say of the action space: of a game's own set, not how many there are (18).
+ActionSpace action_space(const EnvConfig& config);
+/// Returns what an agent sees: four frames {84, 84}, or four times the bytes of memory {128}.
+ObservationSpace observation_space(const EnvConfig& config);
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the first that has it of the folder
 /// named by ALE_ROMS_DIR and the `roms` folder of scripts/setup. Throws std::runtime_error that
@@ -114,11 +120,12 @@ class Env {
     Env(Env&&) noexcept;
     Env& operator=(Env&&) noexcept;
 
-    /// Starts a new game. Writes its first observation, kFrameSize bytes, to `observation`.
+    /// Starts a new game. Writes its first observation, frame_size() bytes of observation_space(), to
+    /// `observation`. Throws std::invalid_argument, here and in step(), for another size.
     void reset(std::span<std::uint8_t> observation);
 
     /// One agent step: the action for frame_skip frames, fewer if the agent's episode ends before.
-    /// Writes the brighter of the last two screens to `observation`, kFrameSize bytes.
+    /// Writes the brighter of the last two screens to `observation`, or the memory after the last frame.
     /// Throws std::invalid_argument, naming the value, for NaN or out-of-range coordinates, and
     /// std::logic_error before the first reset() and after `episode_over`.
     StepResult step(const ContinuousAction& action, std::span<std::uint8_t> observation);

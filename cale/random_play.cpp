@@ -47,7 +47,7 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
 }
 
 std::optional<double> random_floor(const EnvConfig& config) {
-    if (config.action_space != ActionSpace::continuous) return find_game(config.game).random_score;
+    if (config.action_space != ActionSet::continuous) return find_game(config.game).random_score;
     const auto play = joystick_random(config);
     return play ? std::optional(play->mean) : std::nullopt;
 }

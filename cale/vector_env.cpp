@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstring>
 #include <exception>
 #include <functional>
 #include <optional>
@@ -79,11 +80,30 @@ void require_size(std::size_t size, std::size_t expected, const char* what) {
                                 std::to_string(expected) + " needed");
 }
 
+template <class T>
+std::vector<std::uint8_t> bytes_of(std::span<const T> values) {
+    const auto bytes = std::as_bytes(values);
+    const auto* const begin = reinterpret_cast<const std::uint8_t*>(bytes.data());
+    return {begin, begin + bytes.size()};
+}
+
+// The bytes called `name` as the values that they were made of: a string, or a vector of numbers.
+template <class Values>
+void read_bytes(const EpisodeRecord& record, const std::string& name, Values& values) {
+    const auto found = record.find(name);
+    if (found == record.end() || found->second.size() % sizeof(values[0]) != 0)
+        throw std::runtime_error("a recorded game lacks its '" + name + "'");
+    values.resize(found->second.size() / sizeof(values[0]));
+    if (!values.empty()) std::memcpy(values.data(), found->second.data(), found->second.size());
+}
+
 }  // namespace
 
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : envs(seeds.size()),
+        : frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
+          observation_space(cale::observation_space(config)),
+          envs(seeds.size()),
           errors(seeds.size()),
           team(static_cast<int>(threads(config))),
           shares(static_cast<std::size_t>(team.size())) {
@@ -124,18 +144,20 @@ struct VectorEnv::Impl {
     void step(std::span<const Action> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
         require_size(actions.size(), envs.size(), "actions");
-        require_size(frames.size(), envs.size() * kFrameSize, "bytes for the frames");
-        require_size(final_frames.size(), envs.size() * kFrameSize, "bytes for the final frames");
+        require_size(frames.size(), envs.size() * frame_size, "bytes for the frames");
+        require_size(final_frames.size(), envs.size() * frame_size, "bytes for the final frames");
         require_size(results.size(), envs.size(), "step results");
         for_each_env([&](std::size_t i) {
-            const auto frame = frames.subspan(i * kFrameSize, kFrameSize);
+            const auto frame = frames.subspan(i * frame_size, frame_size);
             results[i] = envs[i]->step(actions[i], frame);
             if (!results[i].episode_over) return;
-            std::ranges::copy(frame, final_frames.subspan(i * kFrameSize, kFrameSize).begin());
+            std::ranges::copy(frame, final_frames.subspan(i * frame_size, frame_size).begin());
             envs[i]->reset(frame);
         });
     }
 
+    std::size_t frame_size;  // bytes
+    ObservationSpace observation_space;
     std::vector<std::optional<Env>> envs;  // empty only until their threads have made them
     std::vector<std::exception_ptr> errors;
     ThreadTeam team;
@@ -174,20 +196,40 @@ const Env& VectorEnv::env(std::int64_t index) const {
     return *impl_->envs.at(static_cast<std::size_t>(index));
 }
 
-std::vector<GameRecord> VectorEnv::records() const {
-    std::vector<GameRecord> records;
-    for (const auto& env : impl_->envs) records.push_back(env->record());
+ActionSpace VectorEnv::action_space() const {
+    if (actions().empty()) return joystick_space();
+    return Discrete{std::ssize(actions())};
+}
+ObservationSpace VectorEnv::observation_space() const {
+    return impl_->observation_space;
+}
+
+std::vector<EpisodeRecord> VectorEnv::record() const {
+    std::vector<EpisodeRecord> records;
+    for (const auto& env : impl_->envs) {
+        const auto& game = env->record();
+        records.push_back({{"start", bytes_of(std::span(game.start))},
+                           {"events", bytes_of(std::span(game.events))},
+                           {"strengths", bytes_of(std::span(game.strengths))}});
+    }
     return records;
 }
-void VectorEnv::resume(std::span<const GameRecord> records) {
+void VectorEnv::resume(std::span<const EpisodeRecord> records) {
     require_size(records.size(), impl_->envs.size(), "recorded games");
-    impl_->for_each_env([&](std::size_t i) { impl_->envs[i]->resume(records[i]); });
+    impl_->for_each_env([&](std::size_t i) {
+        GameRecord game;
+        read_bytes(records[i], "start", game.start);
+        read_bytes(records[i], "events", game.events);
+        read_bytes(records[i], "strengths", game.strengths);
+        impl_->envs[i]->resume(game);
+    });
 }
 
 void VectorEnv::reset(std::span<std::uint8_t> frames) {
-    require_size(frames.size(), impl_->envs.size() * kFrameSize, "bytes for the frames");
-    impl_->for_each_env(
-        [&](std::size_t i) { impl_->envs[i]->reset(frames.subspan(i * kFrameSize, kFrameSize)); });
+    require_size(frames.size(), impl_->envs.size() * impl_->frame_size, "bytes for the frames");
+    impl_->for_each_env([&](std::size_t i) {
+        impl_->envs[i]->reset(frames.subspan(i * impl_->frame_size, impl_->frame_size));
+    });
 }
 
 void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
@@ -198,6 +240,17 @@ void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::u
 void VectorEnv::step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
     impl_->step(actions, frames, final_frames, results);
+}
+
+void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
+                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
+    if (const auto* numbers = std::get_if<std::span<const std::int64_t>>(&actions))
+        return step(*numbers, frames, final_frames, results);
+    const auto coordinates = std::get<std::span<const float>>(actions);
+    static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
+    require_size(coordinates.size(), 3 * impl_->envs.size(), "coordinates of actions");
+    step(std::span(reinterpret_cast<const ContinuousAction*>(coordinates.data()), impl_->envs.size()), frames,
+         final_frames, results);
 }
 
 }  // namespace cale

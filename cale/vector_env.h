@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "cale/env.h"
+#include "world/world.h"
 
 namespace cale {
 
@@ -22,12 +23,12 @@ namespace cale {
 ///
 /// All memory is the caller's, who may use the same in every step, and no step allocates any but those in
 /// which an episode ends. One thread at a time may call an object.
-class VectorEnv {
+class VectorEnv final : public World {
   public:
     /// One seed per environment: config.num_envs of them. Throws as Env does, and std::invalid_argument for
     /// another number of seeds.
     VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds);
-    ~VectorEnv();
+    ~VectorEnv() override;
     VectorEnv(VectorEnv&&) noexcept;
     VectorEnv& operator=(VectorEnv&&) noexcept;
 
@@ -37,19 +38,21 @@ class VectorEnv {
     /// About how many bytes the environments of such a configuration take, as measured.
     static std::int64_t memory_needed(const EnvConfig& config);
 
-    std::int64_t size() const;  // how many environments
+    std::int64_t size() const override;  // how many environments
+    ActionSpace action_space() const override;
+    ObservationSpace observation_space() const override;
     /// The discrete action set: empty where the action space is continuous.
     std::span<const Event> actions() const;
 
-    /// Starts a new game everywhere. `frames`: size() x kFrameSize bytes, where the first observations are
-    /// written. Throws std::invalid_argument for another size.
-    void reset(std::span<std::uint8_t> frames);
+    /// Starts a new game everywhere. `frames`: size() x frame_size bytes, kFrameSize of pixels, where the
+    /// first observations are written. Throws std::invalid_argument for another size.
+    void reset(std::span<std::uint8_t> frames) override;
 
     /// One agent step of every environment, written straight into the caller's memory.
     ///   actions       size() of them
-    ///   frames        size() x kFrameSize: the newest frame; where the episode was over,
+    ///   frames        size() x frame_size: the newest frame; where the episode was over,
     ///                 the first frame of the next one
-    ///   final_frames  size() x kFrameSize: written only where the episode was over, with
+    ///   final_frames  size() x frame_size: written only where the episode was over, with
     ///                 its last frame
     ///   results       size() of them
     /// An exception in any environment (a bad action, say) reaches the caller, after all
@@ -60,11 +63,14 @@ class VectorEnv {
     void step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
 
-    /// Env::record() and Env::resume() of all; not while a step is under way. Throws as they do, and
-    /// std::invalid_argument for another number of records.
-    std::vector<GameRecord> records() const;
-    /// Env::resume() of each; see records().
-    void resume(std::span<const GameRecord> records);
+    /// See World. Throws as the other two do.
+    void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
+              std::span<StepResult> results) override;
+
+    /// Env::record() of each as bytes: start, events, strengths. Not while a step is under way.
+    std::vector<EpisodeRecord> record() const override;
+    /// Env::resume() of each. Throws as it does, and std::invalid_argument for another number of records.
+    void resume(std::span<const EpisodeRecord> records) override;
 
     /// For videos and tests; not while a step is under way.
     const Env& env(std::int64_t index) const;

@@ -64,7 +64,8 @@ class GameInPlay {
           epsilon_(plan.epsilon),
           threshold_(plan.env.threshold),
           env_(plan.env, derive_seed(plan.seed, "evaluation", number)),
-          noise_(derive_seed(plan.seed, "evaluation noise", number)) {
+          noise_(derive_seed(plan.seed, "evaluation noise", number)),
+          frame_(static_cast<std::size_t>(observation_space(plan.env).frame_size())) {
         if (number == plan.filmed_game && !plan.video.empty())
             film_.emplace(plan.video, plan.env, plan.film_minutes);
     }
@@ -124,7 +125,7 @@ class GameInPlay {
     Env env_;
     std::mt19937 noise_;
     std::optional<Film> film_;
-    std::vector<std::uint8_t> frame_ = std::vector<std::uint8_t>(kFrameSize);
+    std::vector<std::uint8_t> frame_;
     EvaluatedGame result_;
     bool over_ = false;
 };
@@ -185,12 +186,11 @@ void add_up(Evaluation& evaluation) {
 
 }  // namespace
 
-torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, std::size_t depth) {
+torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space) {
+    std::vector<std::int64_t> shape{static_cast<std::int64_t>(num_envs), space.stack};
+    shape.insert(shape.end(), space.shape.begin(), space.shape.end());
     // LibTorch knows no constant tensors: nobody writes through this one.
-    return torch::from_blob(
-        const_cast<std::uint8_t*>(stack.data().data()),
-        {static_cast<std::int64_t>(num_envs), static_cast<std::int64_t>(depth), kFrameHeight, kFrameWidth},
-        torch::kUInt8);
+    return torch::from_blob(const_cast<std::uint8_t*>(stack.data().data()), shape, torch::kUInt8);
 }
 
 EvaluationPlan fixed_episodes(const EnvConfig& env) {
@@ -208,11 +208,13 @@ EvaluationPlan fixed_steps(const EnvConfig& env) {
 }
 
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
-    const bool continuous = plan.env.action_space == ActionSpace::continuous;
+    const bool continuous = plan.env.action_space == ActionSet::continuous;
     const auto rows =
         static_cast<std::size_t>(std::max(std::int64_t{1}, std::min(plan.parallel, plan.games)));
-    FrameStack stack(rows, plan.stack_depth);
-    const auto all_rows = stack_tensor(stack, rows, plan.stack_depth);
+    auto space = observation_space(plan.env);
+    space.stack = static_cast<std::int64_t>(plan.stack_depth);
+    FrameStack stack(rows, plan.stack_depth, static_cast<std::size_t>(space.frame_size()));
+    const auto all_rows = stack_tensor(stack, rows, space);
     Games games(rows);
 
     Evaluation evaluation;
@@ -266,17 +268,41 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     return evaluation;
 }
 
-Evaluation evaluate(Agent& agent, EnvConfig env_config, const EvalConfig& config, std::uint64_t seed,
-                    std::size_t stack_depth, const std::filesystem::path& video) {
-    env_config.noop_max = config.noop_max;
-    const auto decide = [&agent](const torch::Tensor& observations, std::span<const std::int64_t>) {
-        return Chosen{.actions = agent.act(observations, ActMode::evaluate)};
-    };
-    return evaluate(decide, {.env = std::move(env_config),
-                             .games = config.episodes,
-                             .seed = seed,
-                             .stack_depth = stack_depth,
-                             .video = video});
+Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games,
+                    std::uint64_t seed) {
+    Evaluation evaluation;
+    for (std::int64_t number = 0; number < games; ++number) {
+        const auto seed_of_game = derive_seed(seed, "evaluation", number);
+        const auto world = make_world({&seed_of_game, 1});
+        const auto space = world->observation_space();
+        std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size())),
+            last_frame(frame.size());
+        FrameStack stack(1, static_cast<std::size_t>(space.stack), frame.size());
+        world->reset(frame);
+        stack.push(0, frame);
+        EvaluatedGame game;
+        for (StepResult step; !step.episode_over;) {
+            const auto actions =
+                decide(stack_tensor(stack, 1, space), {&number, 1}).actions.cpu().contiguous();
+            const auto count = static_cast<std::size_t>(actions.numel());
+            const std::span result(&step, 1);
+            if (actions.scalar_type() == torch::kInt64) {
+                world->step(std::span(actions.const_data_ptr<std::int64_t>(), count), frame, last_frame,
+                            result);
+            } else {
+                world->step(std::span(actions.const_data_ptr<float>(), count), frame, last_frame, result);
+            }
+            if (step.terminal || step.truncated) stack.clear(0);
+            stack.push(0, frame);
+            ++game.rewards[step.reward];
+            game.episode_return += step.reward;
+            game.length += 1;
+            game.frames += step.frames;
+        }
+        evaluation.games.push_back(std::move(game));
+    }
+    add_up(evaluation);
+    return evaluation;
 }
 
 float reward_quantile(const std::map<float, std::int64_t>& rewards, double quantile) {

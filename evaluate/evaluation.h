@@ -16,6 +16,7 @@
 #include "cale/frames.h"
 #include "evaluate/event_counts.h"
 #include "settings/run_config.h"
+#include "world/world.h"
 
 namespace cale {
 
@@ -73,20 +74,17 @@ EvaluationPlan fixed_episodes(const EnvConfig& env);
 /// last one to its end; 0.1 % random actions.
 EvaluationPlan fixed_steps(const EnvConfig& env);
 
-/// What an agent sees, as a tensor [N, depth, 84, 84] uint8: a view that lasts as long as
-/// the stack and changes with it.
-torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, std::size_t depth);
+/// Returns what an agent sees, [N, stack, ...] uint8: a view that lasts as long as the stack and changes with
+/// it.
+torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space);
 
 /// Plays. Every game has an environment of its own. A lost life that ends the agent's episode clears the
 /// stack and does not end the game. Throws what `decide` and the environments throw.
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
-/// Plays config.episodes games, one after the other, with the agent's evaluation policy. Neither the
-/// agent's training nor the training environments are touched: all randomness comes from `seed`
-/// and from the agent's own evaluation stream. The first game is filmed to `video` if
-/// that is not empty.
-Evaluation evaluate(Agent& agent, EnvConfig env, const EvalConfig& config, std::uint64_t seed,
-                    std::size_t stack_depth, const std::filesystem::path& video);
+/// Plays `games` episodes, one after the other, each in a world of its own with a seed that follows from `seed`
+/// and its number. Throws what `decide` and the world throw.
+Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games, std::uint64_t seed);
 
 /// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.
 /// Throws std::invalid_argument for no rewards.

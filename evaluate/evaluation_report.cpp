@@ -43,8 +43,8 @@ std::string random_play(const EnvConfig& env) {
                            play->high);
     }
     if (const auto published = random_floor(env)) return fmt::format("{:.2f}, published", *published);
-    return env.action_space == ActionSpace::continuous ? "not measured with this joystick and these rules"
-                                                       : "there is no random score of this game";
+    return env.action_space == ActionSet::continuous ? "not measured with this joystick and these rules"
+                                                     : "there is no random score of this game";
 }
 
 }  // namespace

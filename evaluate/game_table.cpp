@@ -27,7 +27,7 @@ std::optional<std::filesystem::path> rom_of(const Game& game, const std::string&
 
 std::vector<std::string_view> minimal_actions(const Game& game, const std::string& rom_dir) {
     EnvConfig config{.game = std::string(game.rom), .rom_dir = rom_dir};
-    config.action_space = ActionSpace::minimal;
+    config.action_space = ActionSet::minimal;
     const Env env(config, /*seed=*/0);
     std::vector<std::string_view> names;
     for (const Event event : env.actions()) names.push_back(event_name(event));

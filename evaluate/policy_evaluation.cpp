@@ -39,7 +39,7 @@ torch::Tensor in_equal_batches(const torch::Tensor& observations, const Forward&
 
 void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     const auto space = names_of(env.action_space)[static_cast<std::size_t>(env.action_space)];
-    const bool continuous = env.action_space == ActionSpace::continuous;
+    const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != policy.actions.empty()) {
         throw std::invalid_argument(
             fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",

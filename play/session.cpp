@@ -84,15 +84,17 @@ class Show {
 
 /// One game. Returns the command that ended it before its end.
 Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& show) {
-    FrameStack stack(1, plan.stack_depth);
-    std::vector<std::uint8_t> frame(kFrameSize);
+    auto space = observation_space(plan.env);
+    space.stack = static_cast<std::int64_t>(plan.stack_depth);
+    std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));
+    FrameStack stack(1, plan.stack_depth, frame.size());
     env.reset(frame);
     stack.push(0, frame);
     EvaluatedGame game;
     Scene scene{.observation = frame, .threshold = plan.env.threshold};
     for (StepResult result; !result.episode_over;) {
         if (plan.decide) {
-            const Chosen chosen = plan.decide(stack_tensor(stack, 1, plan.stack_depth), {&number, 1});
+            const Chosen chosen = plan.decide(stack_tensor(stack, 1, space), {&number, 1});
             const auto actions = chosen.actions.contiguous();
             if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
             if (env.actions().empty()) {
@@ -133,7 +135,7 @@ void play(const PlayPlan& plan, const Stage& stage) {
 
 PictureSize picture_size(const EnvConfig& env) {
     Env world(env, /*seed=*/0);
-    std::vector<std::uint8_t> frame(kFrameSize);
+    std::vector<std::uint8_t> frame(static_cast<std::size_t>(observation_space(env).frame_size()));
     world.reset(frame);
     const Image picture = compose_frame(world, {.observation = frame});
     return {.width = picture.width, .height = picture.height, .dial = joystick_dial(world.screen_width())};

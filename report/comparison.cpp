@@ -224,7 +224,7 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
     for (const auto& group : groups) {
         for (const auto& run : group.runs) {
             if (!run.env) continue;
-            if (run.env->action_space != ActionSpace::continuous) {
+            if (run.env->action_space != ActionSet::continuous) {
                 if (run.game->random_score)
                     add(std::string(kPublishedRandom), *run.game, *run.game->random_score);
             } else if (const auto play = joystick_random(*run.env)) {

@@ -99,7 +99,8 @@ void draw_joystick(cv::Mat& image, const Scene& scene, cv::Point2d centre, doubl
 Image compose_frame(const Scene& scene) {
     const auto screen_bytes =
         std::size_t{3} * static_cast<std::size_t>(scene.screen_width * scene.screen_height);
-    if (scene.screen.size() != screen_bytes || scene.observation.size() != kFrameSize) {
+    const bool memory = scene.observation.size() == kRamSize;
+    if (scene.screen.size() != screen_bytes || (!memory && scene.observation.size() != kFrameSize)) {
         throw std::invalid_argument(
             fmt::format("a scene needs {} bytes of screen and {} of observation, but has {} and {}",
                         screen_bytes, kFrameSize, scene.screen.size(), scene.observation.size()));
@@ -120,7 +121,7 @@ Image compose_frame(const Scene& scene) {
 
     const int x = left.width + kGap;
     draw_text(canvas, "what the agent sees", {x, kViewTop - 14}, 0.5, kText);
-    const cv::Mat grey(kFrameHeight, kFrameWidth, CV_8UC1,
+    const cv::Mat grey(memory ? 8 : kFrameHeight, memory ? 16 : kFrameWidth, CV_8UC1,
                        const_cast<std::uint8_t*>(scene.observation.data()));
     cv::Mat observation;
     cv::cvtColor(grey, observation, cv::COLOR_GRAY2RGB);

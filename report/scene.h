@@ -22,9 +22,10 @@ struct Scene {
     std::span<const std::uint8_t> screen{};  // screen_height x screen_width x RGB
     int screen_width = 160;
     int screen_height = 210;
-    std::span<const std::uint8_t> observation{};  // 84 x 84 grey: the newest frame that the agent sees
-    std::optional<ContinuousAction> action{};     // none: a discrete agent, whose event alone is shown
-    double threshold = 0.5;                       // tau
+    std::span<const std::uint8_t>
+        observation{};                         // 84 x 84 grey, or 128 bytes: the newest that the agent sees
+    std::optional<ContinuousAction> action{};  // none: a discrete agent, whose event alone is shown
+    double threshold = 0.5;                    // tau
     Event event = Event::noop;
     double episode_return = 0;
     std::optional<double> value{};  // what the agent thinks its action is worth

@@ -120,8 +120,8 @@ std::string protocol_text(const EnvConfig& env) {
 }
 
 std::string action_space_text(const EnvConfig& env) {
-    const auto name = names_of(ActionSpace{})[static_cast<std::size_t>(env.action_space)];
-    if (env.action_space != ActionSpace::continuous) return fmt::format("discrete, {}", name);
+    const auto name = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
+    if (env.action_space != ActionSet::continuous) return fmt::format("discrete, {}", name);
     return fmt::format("joystick, threshold {:g}", env.threshold);
 }
 

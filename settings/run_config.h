@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <type_traits>
 
 #include "agents/agent.h"
 #include "cale/env.h"
@@ -77,35 +78,42 @@ void fields(LogConfig& config, Visit&& visit) {
     visit("tensorboard", config.tensorboard, "write TensorBoard events beside the CSV files");
 }
 
-/// The whole configuration of a run of one algorithm.
-template <class AgentConfig>
-struct RunConfig {
-    EnvConfig env;      // section env
-    AgentConfig agent;  // section agent
-    TrainConfig train;  // section train
-    EvalConfig eval;    // section eval
-    LogConfig log;      // section log
+/// The sections of a configuration that every run has.
+struct RunSettings {
+    TrainConfig train{};  // section train
+    EvalConfig eval{};    // section eval
+    LogConfig log{};      // section log
 };
 
-/// What the settings alone say of an agent's world: of a game's own set of actions, not how many there are.
-inline AgentSpec spec_of(const EnvConfig& env, const TrainConfig& train) {
+/// The whole configuration of a run of one algorithm in one kind of world.
+template <class AgentConfig, class WorldConfig = EnvConfig>
+struct RunConfig : RunSettings {
+    WorldConfig env;    // section env
+    AgentConfig agent;  // section agent
+};
+
+/// Returns what the settings alone say of an agent's world: of a game's own set of actions, not how many
+/// there are.
+template <class WorldConfig>
+AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     AgentSpec spec;
     spec.num_envs = env.num_envs;
-    spec.num_actions = env.action_space == ActionSpace::continuous ? 0 : kEventCount;
+    set_spaces(spec, action_space(env), observation_space(env));
     spec.total_steps = train.total_steps;
     spec.overlap = train.overlap;
     spec.seed = static_cast<std::uint64_t>(train.seed);
     return spec;
 }
 
-/// All settings of a run. The table refers to `config`. AgentConfig::kActionSpace is the action
-/// space that the environment has unless told otherwise.
-template <class AgentConfig>
-ConfigTable settings_of(RunConfig<AgentConfig>& config) {
-    config.env.action_space = AgentConfig::kActionSpace;
+/// Returns all settings of a run. The table refers to `config`. AgentConfig::kActionSet is the default of an
+/// Atari game's env.action_space.
+template <class AgentConfig, class WorldConfig>
+ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     ConfigTable table;
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>) config.env.action_space = AgentConfig::kActionSet;
     table.add("env", config.env);
-    table.check("env.game", [](const std::string& game) { find_game(game); });
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
+        table.check("env.game", [](const std::string& game) { find_game(game); });
     table.add("agent", config.agent);
     table.add("train", config.train);
     table.add("eval", config.eval);

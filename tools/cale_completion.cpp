@@ -3,11 +3,10 @@
 #include <string>
 #include <vector>
 
-#include <all_agents.h>
-
 #include "cale/env.h"
 #include "tools/commands.h"
 #include "tools/completion.h"
+#include "tools/train_programs.h"
 #include "tools/usage.h"
 
 namespace cale {
@@ -36,10 +35,8 @@ void print_script(const CLI::App& app, const std::string& shell) {
     EnvConfig env;
     ConfigTable table;
     table.add("env", env);
-    std::vector<CommandWords> programs{words_of(app, setting_words(table))};
-    for_each_agent([&](const std::string& agent, auto make_agent) {
-        programs.push_back(train_words(agent, make_agent));
-    });
+    std::vector<CommandWords> programs = train_programs();
+    programs.insert(programs.begin(), words_of(app, setting_words(table)));
     std::fputs(completion_script(shell, programs).c_str(), stdout);
 }
 

@@ -56,7 +56,7 @@ PlayPlan plan_of(const Options& options) {
     set_environment(plan.env, options.settings);
     plan.env.game = find_game(plan.env.game).rom;
     if (!policy) {
-        if (plan.env.action_space != ActionSpace::continuous)
+        if (plan.env.action_space != ActionSet::continuous)
             throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");
         return plan;
     }

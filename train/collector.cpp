@@ -22,19 +22,19 @@ std::vector<std::uint32_t> seeds(std::int64_t first, std::int64_t count, std::ui
     return result;
 }
 
-EnvConfig share_of(const EnvConfig& config, const ProcessGroup& processes) {
-    auto share = config;
-    share.num_envs /= processes.size();
-    if (share.num_envs * processes.size() == config.num_envs) return share;
-    throw std::invalid_argument(fmt::format(
-        "env.num_envs is {}, which {} processes cannot share equally: make it a multiple of WORLD_SIZE",
-        config.num_envs, processes.size()));
+std::int64_t share_of(std::int64_t num_envs, const ProcessGroup& processes) {
+    const auto share = num_envs / processes.size();
+    if (share * processes.size() == num_envs) return share;
+    throw std::invalid_argument(
+        fmt::format("env.num_envs is {}, which {} processes cannot share equally: make it a multiple of "
+                    "WORLD_SIZE",
+                    num_envs, processes.size()));
 }
 
-constexpr std::int64_t kTold = 5;
-/// What meet() tells of the results [steps x N]: reward, episode over, truncated, frames, event.
-torch::Tensor told(std::span<const StepResult> results) {
-    auto rows = torch::empty({static_cast<std::int64_t>(results.size()), kTold}, torch::kFloat32);
+constexpr std::int64_t kPacked = 5;
+/// Results [steps x N] as numbers: reward, episode over, truncated, frames, event.
+torch::Tensor packed(std::span<const StepResult> results) {
+    auto rows = torch::empty({static_cast<std::int64_t>(results.size()), kPacked}, torch::kFloat32);
     auto* row = rows.data_ptr<float>();
     for (const auto& result : results) {
         *row++ = result.reward;
@@ -46,7 +46,7 @@ torch::Tensor told(std::span<const StepResult> results) {
     return rows;
 }
 
-StepResult result_of(const float* row) {
+StepResult unpacked(const float* row) {
     return {.reward = row[0],
             .truncated = row[2] != 0,
             .episode_over = row[1] != 0,
@@ -59,30 +59,21 @@ TensorMap joined(const std::vector<TensorMap>& shares) {
     TensorMap whole;
     for (const auto& share : shares) {
         for (const auto& [name, tensor] : share) {
-            auto& known = whole[name];
-            known =
-                known.defined() ? torch::cat({known, tensor}) : tensor;  // but for game.<i>: of each share
+            auto& known = whole[name];  // none yet of game.<i>, which is in one share
+            known = known.defined() ? torch::cat({known, tensor}) : tensor;
         }
     }
     return whole;
 }
 
-std::span<const std::uint8_t> frame(const std::vector<std::uint8_t>& frames, std::size_t i) {
-    return std::span(frames).subspan(i * kFrameSize, kFrameSize);
-}
-
-template <class Values>
-torch::Tensor bytes_of(const Values& values) {
-    static_assert(sizeof(*values.data()) == 1);
-    const auto count = static_cast<std::int64_t>(values.size());
-    auto bytes = torch::empty({count}, torch::kUInt8);
-    std::transform(values.begin(), values.end(), bytes.data_ptr<std::uint8_t>(),
-                   [](auto value) { return static_cast<std::uint8_t>(value); });
-    return bytes;
+torch::Tensor byte_tensor(std::span<const std::uint8_t> bytes) {
+    auto tensor = torch::empty({std::ssize(bytes)}, torch::kUInt8);
+    std::ranges::copy(bytes, tensor.data_ptr<std::uint8_t>());
+    return tensor;
 }
 
 template <class T>
-std::span<const T> values_of(const TensorMap& state, const std::string& name, std::size_t count) {
+std::span<const T> stored_values(const TensorMap& state, const std::string& name, std::size_t count) {
     const auto found = state.find(name);
     if (found == state.end() || found->second.scalar_type() != c10::CppTypeToScalarType<T>::value ||
         !found->second.is_contiguous())
@@ -96,47 +87,48 @@ std::span<const T> values_of(const TensorMap& state, const std::string& name, st
 
 }  // namespace
 
-Collector::Collector(const EnvConfig& config, std::uint64_t seed, ProcessGroup processes)
+Collector::Collector(const MakeWorld& make_world, std::int64_t num_envs, std::uint64_t seed,
+                     ProcessGroup processes)
     : processes_(std::move(processes)),
-      all_(config.num_envs),
-      first_(all_ / processes_.size() * processes_.rank()),
-      env_(share_of(config, processes_), seeds(first_, all_ / processes_.size(), seed)),
-      results_(static_cast<std::size_t>(env_.size())),
+      all_(num_envs),
+      first_(share_of(num_envs, processes_) * processes_.rank()),
+      world_(make_world(seeds(first_, share_of(num_envs, processes_), seed))),
+      observation_space_(world_->observation_space()),
+      frame_size_(static_cast<std::size_t>(observation_space_.frame_size())),
+      results_(static_cast<std::size_t>(world_->size())),
       episodes_(static_cast<std::size_t>(all_)),
-      stack_(results_.size(), kStack),
-      frames_(results_.size() * kFrameSize),
+      stack_(results_.size(), static_cast<std::size_t>(observation_space_.stack), frame_size_),
+      frames_(results_.size() * frame_size_),
       next_frames_(frames_.size()),
       final_frames_(frames_.size()) {
-    env_.reset(frames_);
-    for (std::size_t i = 0; i < results_.size(); ++i) stack_.push(i, frame(frames_, i));
+    world_->reset(frames_);
+    for (std::size_t i = 0; i < results_.size(); ++i) stack_.push(i, frame(i));
 }
 
 torch::Tensor Collector::observations() const {
-    return stack_tensor(stack_, results_.size(), kStack);
+    return stack_tensor(stack_, results_.size(), observation_space_);
 }
 
-void Collector::step(const torch::Tensor& chosen) {
-    const auto actions = chosen.contiguous();  // a policy's may lie column by column
-    if (env_.actions().empty()) {
-        static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
-        env_.step(std::span(reinterpret_cast<const ContinuousAction*>(actions.const_data_ptr<float>()),
-                            results_.size()),
-                  next_frames_, final_frames_, results_);
+void Collector::step(const torch::Tensor& actions) {
+    const auto rows = actions.contiguous();  // a policy's may lie column by column
+    const auto count = static_cast<std::size_t>(rows.numel());
+    if (rows.scalar_type() == torch::kInt64) {
+        world_->step(std::span(rows.const_data_ptr<std::int64_t>(), count), next_frames_, final_frames_,
+                     results_);
     } else {
-        env_.step(std::span(actions.const_data_ptr<std::int64_t>(), results_.size()), next_frames_,
-                  final_frames_, results_);
+        world_->step(std::span(rows.const_data_ptr<float>(), count), next_frames_, final_frames_, results_);
     }
 }
 
-void Collector::take_in(const torch::Tensor& actions, Agent& agent, RunState& state,
-                        std::vector<Episode>& ended) {
+void Collector::record(const torch::Tensor& actions, Agent& agent, RunState& state,
+                       std::vector<Episode>& ended) {
     agent.observe(
         {.frames = frames_, .actions = actions, .results = results_, .final_frames = final_frames_});
     std::swap(frames_, next_frames_);
     state.step += all_;
     for (std::size_t i = 0; i < results_.size(); ++i) {
         if (results_[i].terminal || results_[i].truncated) stack_.clear(i);
-        stack_.push(i, frame(frames_, i));
+        stack_.push(i, frame(i));
     }
     if (processes_.alone()) {
         count_step(results_, state.step, state, ended);
@@ -145,19 +137,19 @@ void Collector::take_in(const torch::Tensor& actions, Agent& agent, RunState& st
     }
 }
 
-void Collector::meet(RunState& state, std::vector<Episode>& ended) {
+void Collector::synchronise(RunState& state, std::vector<Episode>& ended) {
     if (processes_.alone()) return;
-    const auto told_by_all = processes_.gather({{"results", told(uncounted_)}});
+    const auto gathered = processes_.gather({{"results", packed(uncounted_)}});
     const auto steps = static_cast<std::int64_t>(uncounted_.size() / results_.size());
     uncounted_.clear();
-    if (told_by_all.empty()) return;
+    if (gathered.empty()) return;
     std::vector<StepResult> results(static_cast<std::size_t>(all_));
     for (std::int64_t step = 0; step < steps; ++step) {
         auto* result = results.data();
-        for (const auto& told_by_one : told_by_all) {
-            const auto rows = told_by_one.at("results");
-            for (std::int64_t i = 0; i < env_.size(); ++i)
-                *result++ = result_of(rows.const_data_ptr<float>() + (step * env_.size() + i) * kTold);
+        for (const auto& share : gathered) {
+            const auto rows = share.at("results");
+            for (std::int64_t i = 0; i < world_->size(); ++i)
+                *result++ = unpacked(rows.const_data_ptr<float>() + (step * world_->size() + i) * kPacked);
         }
         count_step(results, state.step - (steps - 1 - step) * all_, state, ended);
     }
@@ -197,13 +189,11 @@ TensorMap Collector::state() const {
 }
 
 TensorMap Collector::own_state() const {
-    TensorMap state{{"frames", bytes_of(frames_)}, {"stack", bytes_of(stack_.data())}};
-    const auto records = env_.records();
+    TensorMap state{{"frames", byte_tensor(frames_)}, {"stack", byte_tensor(stack_.data())}};
+    const auto records = world_->record();
     for (std::size_t i = 0; i < records.size(); ++i) {
-        const auto name = fmt::format("game.{}.", static_cast<std::size_t>(first_) + i);
-        state[name + "start"] = bytes_of(records[i].start);
-        state[name + "events"] = bytes_of(records[i].events);
-        state[name + "strengths"] = torch::tensor(records[i].strengths, torch::kFloat32);
+        for (const auto& [name, bytes] : records[i])
+            state[fmt::format("game.{}.{}", static_cast<std::size_t>(first_) + i, name)] = byte_tensor(bytes);
     }
     return state;
 }
@@ -211,22 +201,22 @@ TensorMap Collector::own_state() const {
 void Collector::restore(const TensorMap& state) {
     const auto count = results_.size();
     const auto first = static_cast<std::size_t>(first_), all = static_cast<std::size_t>(all_);
-    std::vector<GameRecord> records(count);
+    std::vector<EpisodeRecord> records(count);
     for (std::size_t i = 0; i < count; ++i) {
-        const auto name = fmt::format("game.{}.", first + i);
-        const auto start = values_of<std::uint8_t>(state, name + "start", 0);
-        records[i].start.assign(start.begin(), start.end());
-        for (const auto event : values_of<std::uint8_t>(state, name + "events", 0))
-            records[i].events.push_back(static_cast<Event>(event));
-        const auto strengths = values_of<float>(state, name + "strengths", 0);
-        records[i].strengths.assign(strengths.begin(), strengths.end());
+        const auto prefix = fmt::format("game.{}.", first + i);
+        for (auto part = state.lower_bound(prefix); part != state.end() && part->first.starts_with(prefix);
+             ++part) {
+            const auto tensor = part->second.contiguous();  // of numbers in checkpoints of earlier versions
+            const auto* const bytes = static_cast<const std::uint8_t*>(tensor.const_data_ptr());
+            records[i][part->first.substr(prefix.size())].assign(bytes, bytes + tensor.nbytes());
+        }
     }
-    const auto of_all = frames_.size() / count * all, stack_size = stack_.data().size();
-    const auto frames = values_of<std::uint8_t>(state, "frames", of_all);
-    const auto stack = values_of<std::uint8_t>(state, "stack", stack_size / count * all);
-    const auto returns = values_of<double>(state, "episode_returns", all);
-    const auto lengths = values_of<std::int64_t>(state, "episode_lengths", all);
-    env_.resume(records);
+    const auto global = frames_.size() / count * all, stack_size = stack_.data().size();
+    const auto frames = stored_values<std::uint8_t>(state, "frames", global);
+    const auto stack = stored_values<std::uint8_t>(state, "stack", stack_size / count * all);
+    const auto returns = stored_values<double>(state, "episode_returns", all);
+    const auto lengths = stored_values<std::int64_t>(state, "episode_lengths", all);
+    world_->resume(records);
     std::ranges::copy(frames.subspan(frames_.size() / count * first, frames_.size()), frames_.begin());
     stack_.assign(stack.subspan(stack_size / count * first, stack_size));
     for (std::size_t i = 0; i < all; ++i) {

@@ -103,8 +103,8 @@ void describe(const DerConfig& config, PolicyFile& policy) {
 void describe(const EnvConfig& env, PolicyFile& policy) {
     auto& [info, network, weights, golden] = policy;
     info.game = find_game(env.game).name;
-    info.action_space = names_of(ActionSpace{})[static_cast<std::size_t>(env.action_space)];
-    if (env.action_space != ActionSpace::continuous) {
+    info.action_space = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
+    if (env.action_space != ActionSet::continuous) {
         auto any_machine = env;
         if (!fs::is_directory(env.rom_dir)) any_machine.rom_dir.clear();
         const Env game(any_machine, /*seed=*/0);

@@ -91,7 +91,7 @@ Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const S
                  {"env_id", identity.env_id},
                  {"seed", identity.seed},
                  {"rom", identity.rom.string()},
-                 {"rom_md5", rom_md5(identity.rom)},
+                 {"rom_md5", identity.rom.empty() ? "" : rom_md5(identity.rom)},
                  {"finished", false},
                  {"stopped", nullptr}});
 }

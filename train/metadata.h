@@ -25,7 +25,7 @@ struct RunIdentity {
     std::string agent;            // "sac"
     std::string env_id;           // "ALE/Pong-v5"
     std::int64_t seed = 1;        // train.seed
-    std::filesystem::path rom{};  // the file
+    std::filesystem::path rom{};  // the file; empty: of a world that has none
 };
 
 /// One process that trains a run for a while; the rest of what metadata.json says of it is looked up.

@@ -17,8 +17,6 @@
 #include <torch/types.h>
 
 #include "agents/memory.h"
-#include "cale/games.h"
-#include "cale/vector_env.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
 #include "storage/files.h"
@@ -42,7 +40,7 @@ namespace {
 enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
 
 /// The other processes that this one was started with, once they are all there.
-ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Program& program,
+ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const TrainingProgram& program,
                             torch::Device device) {
     if (!place) return {};
     try {
@@ -58,7 +56,7 @@ ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Prog
 }
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
-std::optional<ProcessPlace> find_place(const Program& program) {
+std::optional<ProcessPlace> find_place(const TrainingProgram& program) {
     std::optional<ProcessPlace> place;
     try {
         place = place_from_environment();
@@ -72,11 +70,11 @@ std::optional<ProcessPlace> find_place(const Program& program) {
                         "trains in several, so start {} without torchrun and with WORLD_SIZE unset",
                         place->size, program.agent_name, program.name));
     }
-    if (program.env.num_envs % place->size != 0) {
+    if (program.num_envs % place->size != 0) {
         throw ConfigError(
             fmt::format("env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; "
                         "make it a multiple",
-                        program.env.num_envs, place->size));
+                        program.num_envs, place->size));
     }
     return place;
 }
@@ -90,8 +88,8 @@ torch::Device choose_device(const std::string& wish, const std::optional<Process
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads
 /// round differently.
-int choose_threads(const CommandLine& line, const Program& program, const std::optional<Metadata>& resumed,
-                   const fs::path& run_dir, int processes_here) {
+int choose_threads(const CommandLine& line, const TrainingProgram& program, const TrainingWorld& world,
+                   const std::optional<Metadata>& resumed, const fs::path& run_dir, int processes_here) {
     if (line.threads != "auto") return std::stoi(line.threads);
     if (resumed && resumed->threads()) return *resumed->threads();
     if (line.resume && !resumed) {
@@ -101,9 +99,9 @@ int choose_threads(const CommandLine& line, const Program& program, const std::o
                         run_dir.string()));
     }
     const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
-    const auto env_threads = static_cast<int>(VectorEnv::threads(program.env));
+    const auto env_threads = static_cast<int>(world.threads);
     // Environments that step while the agent learns keep their cores.
-    return measured_threads(program.train.overlap ? std::max(1, cores - env_threads) : cores);
+    return measured_threads(program.settings.train.overlap ? std::max(1, cores - env_threads) : cores);
 }
 
 /// 1234567 as "1,234,567".
@@ -117,9 +115,10 @@ std::string grouped(std::int64_t number) {
     return text;
 }
 
-fs::path choose_run_dir(const CommandLine& line, const Program& program, const Game& game) {
+fs::path choose_run_dir(const CommandLine& line, const TrainingProgram& program, const TrainingWorld& world) {
     if (!line.run_dir.empty()) return line.run_dir;
-    return fs::path("runs") / fmt::format("{}__{}__{}__{}", game.name, program.agent_name, program.train.seed,
+    return fs::path("runs") / fmt::format("{}__{}__{}__{}", world.name, program.agent_name,
+                                          program.settings.train.seed,
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
@@ -148,7 +147,7 @@ NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
 
 /// What differs from the settings that the run was trained with. Its newest checkpoint has them, whatever has
 /// been written into the run's config.yaml since.
-std::vector<ConfigDifference> changes_since(const Program& program, const fs::path& run_dir) {
+std::vector<ConfigDifference> changes_since(const TrainingProgram& program, const fs::path& run_dir) {
     const auto checkpoints = list_checkpoints(run_dir);
     for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
         try {
@@ -161,19 +160,19 @@ std::vector<ConfigDifference> changes_since(const Program& program, const fs::pa
 }
 
 /// What is behind a run cannot be undone.
-void check_length(const Program& program, const fs::path& run_dir) {
+void check_length(const TrainingProgram& program, const fs::path& run_dir) {
     const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
-    if (step > program.train.total_steps) {
+    if (step > program.settings.train.total_steps) {
         throw ResumeError(
             fmt::format("--resume {}: it is at agent step {} already, and train.total_steps is {}; "
                         "let it be more",
-                        run_dir.string(), step, program.train.total_steps));
+                        run_dir.string(), step, program.settings.train.total_steps));
     }
 }
 
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
 /// and do not make other games of those under way.
-std::string accepted_changes(const Program& program, const fs::path& run_dir, bool accept) {
+std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir, bool accept) {
     require_checkpoints(run_dir);
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
@@ -220,12 +219,11 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
 }
 
 /// train(), whose end metadata.json remembers.
-Outcome train_on_record(Agent& agent, const Program& program, const TrainOptions& options,
-                        Metadata* metadata) {
-    if (metadata == nullptr)
-        return train(agent, program.env, program.train, program.eval, program.log, options);
+Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
+                        const TrainOptions& options, Metadata* metadata) {
+    if (metadata == nullptr) return train(agent, world, settings, options);
     try {
-        const auto outcome = train(agent, program.env, program.train, program.eval, program.log, options);
+        const auto outcome = train(agent, world, settings, options);
         if (outcome == Outcome::finished) {
             metadata->finish();
         } else {
@@ -247,17 +245,18 @@ Outcome train_on_record(Agent& agent, const Program& program, const TrainOptions
     }
 }
 
-/// 0: the continuous joystick. Makes an environment once, so that what is wrong with it, or with the ROM, is
-/// said before anything is written.
-std::int64_t count_actions(const EnvConfig& config) {
+/// Makes an environment once, so that what is wrong with it, or with the ROM, is said before anything is
+/// written.
+std::unique_ptr<World> make_one(const TrainingWorld& world) {
     try {
-        return static_cast<std::int64_t>(Env(config, /*seed=*/0).actions().size());
+        const std::uint32_t seed = 0;
+        return world.make({&seed, 1});
     } catch (const std::exception& error) {
         throw ConfigError(error.what());
     }
 }
 
-std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec) {
+std::unique_ptr<Agent> make_agent(const TrainingProgram& program, const AgentSpec& spec) {
     try {
         return program.make_agent(spec);
     } catch (const std::invalid_argument& error) {
@@ -266,13 +265,11 @@ std::unique_ptr<Agent> make_agent(const Program& program, const AgentSpec& spec)
 }
 
 /// Before anything large is made: its initial values alone can take minutes.
-void check_memory(const Program& program, const AgentSpec& spec) {
-    auto env = program.env;
-    env.num_envs = spec.num_envs;
+void check_memory(const TrainingProgram& program, const TrainingWorld& world, const AgentSpec& spec) {
     const auto available = available_memory();
-    const auto environments = VectorEnv::memory_needed(env);
+    const auto environments = world.bytes_per_env * spec.num_envs;
     if (environments > available)
-        refuse_memory(fmt::format("{} environments", env.num_envs), environments, available,
+        refuse_memory(fmt::format("{} environments", spec.num_envs), environments, available,
                       "lower env.num_envs");
     if (program.check_memory) program.check_memory(spec, available - environments);
 }
@@ -280,37 +277,37 @@ void check_memory(const Program& program, const AgentSpec& spec) {
 using Facts = std::vector<std::pair<std::string, std::string>>;
 
 /// What a run is, for who watches it.
-Facts header_of(const Program& program, const AgentSpec& spec, const fs::path& run_dir,
-                const std::string& machine) {
-    return {
-        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"},
-        {"protocol", fmt::format("sticky {}, life loss {}", program.env.sticky_probability,
-                                 program.env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
-        {"actions", spec.num_actions > 0 ? fmt::format("{} joystick events", spec.num_actions)
-                                         : fmt::format("continuous, threshold {}", program.env.threshold)},
-        {"agent steps", fmt::format("{} = {} frames", grouped(program.train.total_steps),
-                                    grouped(program.train.total_steps * program.env.frame_skip))},
-        {"environments", fmt::format("{}", program.env.num_envs)},
-        {"device", machine},
-        {"seed", fmt::format("{}", program.train.seed)},
-        {"run folder", run_dir.string()}};
+Facts header_of(const TrainingProgram& program, const TrainingWorld& world, const ActionSpace& actions,
+                const fs::path& run_dir, const std::string& machine) {
+    const auto steps = program.settings.train.total_steps;
+    Facts facts{
+        {"encoder", program.table.has("agent.encoder") ? program.table.at("agent.encoder").get() : "-"}};
+    for (auto& fact : world.facts(actions)) facts.push_back(std::move(fact));
+    facts.insert(facts.end(), {{"agent steps", fmt::format("{} = {} frames", grouped(steps),
+                                                           grouped(steps * world.frames_per_step))},
+                               {"environments", fmt::format("{}", world.num_envs)},
+                               {"device", machine},
+                               {"seed", fmt::format("{}", program.settings.train.seed)},
+                               {"run folder", run_dir.string()}});
+    return facts;
 }
 
-int run(const Program& program, int argc, const char* const* argv) {
+TrainingWorld make_world(const TrainingProgram& program) {
+    try {
+        return program.world();
+    } catch (const std::exception& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+int run(const TrainingProgram& program, int argc, const char* const* argv) {
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
     if (line.finished) {
         flush_standard_output();
         return kDone;
     }
 
-    const Game* game = nullptr;
-    fs::path rom;
-    try {
-        game = &find_game(program.env.game);
-        rom = find_rom(program.env.game, program.env.rom_dir);
-    } catch (const std::exception& error) {
-        throw ConfigError(error.what());
-    }
+    const TrainingWorld world = make_world(program);
     const auto place = find_place(program);
     const torch::Device device = choose_device(line.device, place);
     // What LibTorch makes without being told a device, such as pinned memory, belongs to the current one.
@@ -324,19 +321,24 @@ int run(const Program& program, int argc, const char* const* argv) {
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const ProcessGroup processes = join_processes(place, program, device);
-    fs::path run_dir = choose_run_dir(line, program, *game);
+    fs::path run_dir = choose_run_dir(line, program, world);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
     auto metadata = line.resume ? read_metadata(run_dir) : std::nullopt;
-    const int threads = choose_threads(line, program, metadata, run_dir, place ? place->local_size : 1);
+    const int threads =
+        choose_threads(line, program, world, metadata, run_dir, place ? place->local_size : 1);
     at::set_num_threads(threads);
 
-    AgentSpec spec = spec_of(program.env, program.train);
+    AgentSpec spec = program.spec();
     spec.num_envs /= processes.size();
     spec.processes = processes;
-    spec.num_actions = count_actions(program.env);
+    const auto actions = [&] {
+        const auto one = make_one(world);
+        set_spaces(spec, one->action_space(), one->observation_space());
+        return one->action_space();
+    }();
     spec.device = device;
-    check_memory(program, spec);
+    check_memory(program, world, spec);
 
     std::optional<NewFolder> folder;  // the other processes of a run write nothing
     if (!line.resume && processes.first()) {
@@ -346,17 +348,17 @@ int run(const Program& program, int argc, const char* const* argv) {
     // Networks and environments may take a while to make.
     if (processes.first()) {
         Console(stderr).header(
-            fmt::format("{} on ALE/{}-v5", program.agent_name, game->name),
-            header_of(program, spec, run_dir,
+            fmt::format("{} on {}", program.agent_name, world.id),
+            header_of(program, world, actions, run_dir,
                       fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
                                   processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
     const RunIdentity identity{.program = program.name,
                                .agent = program.agent_name,
-                               .env_id = fmt::format("ALE/{}-v5", game->name),
-                               .seed = program.train.seed,
-                               .rom = rom};
+                               .env_id = world.id,
+                               .seed = program.settings.train.seed,
+                               .rom = world.rom};
     const Sitting sitting{.command = joined(argc, argv),
                           .device = device.str(),
                           .threads = threads,
@@ -394,8 +396,8 @@ int run(const Program& program, int argc, const char* const* argv) {
         options.hyperparameters.emplace_back(entry.key, entry.get());
 
     try {
-        const Outcome outcome =
-            train_on_record(*agent, program, options, processes.first() ? &*metadata : nullptr);
+        const Outcome outcome = train_on_record(*agent, world, program.settings, options,
+                                                processes.first() ? &*metadata : nullptr);
         return outcome == Outcome::finished ? kDone : kInterrupted;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
@@ -408,7 +410,7 @@ int run(const Program& program, int argc, const char* const* argv) {
 
 }  // namespace
 
-int run_program(const Program& program, int argc, const char* const* argv) {
+int run_program(const TrainingProgram& program, int argc, const char* const* argv) {
     const auto fail = [&](const std::exception& error, ExitCode code) {
         std::fprintf(stderr, "%s: %s\n", program.name.c_str(), failure_sentence(error).c_str());
         return code;

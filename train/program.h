@@ -9,19 +9,21 @@
 #include "agents/agent.h"
 #include "settings/config.h"
 #include "settings/run_config.h"
+#include "train/training.h"
+#include "train/training_world.h"
 
 namespace cale {
 
-/// One algorithm, ready to be trained: its settings are in the table already.
-struct Program {
+/// One algorithm in one kind of world, ready to be trained: its settings are in the table already.
+struct TrainingProgram {
     std::string name;                                                    // "train_sac"
     std::string agent_name;                                              // "sac"
     std::string description;                                             // for --help
-    ConfigTable& table;                                                  // refers to the next four
-    EnvConfig& env;                                                      // section env
-    TrainConfig& train;                                                  // section train
-    EvalConfig& eval;                                                    // section eval
-    LogConfig& log;                                                      // section log
+    ConfigTable& table;                                                  // refers to all the rest
+    RunSettings& settings;                                               // sections train, eval and log
+    std::int64_t& num_envs;                                              // env.num_envs
+    std::function<TrainingWorld()> world;                                // of the settings
+    std::function<AgentSpec()> spec;                                     // what the settings say of it
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
     bool several_processes = false;                    // can train one agent together: see ProcessGroup
     std::function<std::string()> schedule_over_run{};  // see AgentSpec
@@ -32,7 +34,7 @@ struct Program {
 /// Reads the command line, makes or opens the run's folder, trains.
 /// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
 /// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
-int run_program(const Program& program, int argc, const char* const* argv);
+int run_program(const TrainingProgram& program, int argc, const char* const* argv);
 
 /// Whether an agent makes use of AgentSpec::processes: its settings say so by kSeveralProcesses.
 template <class AgentConfig>
@@ -48,22 +50,22 @@ std::string find_schedule_over_run(const AgentConfig& config) {
     return "";
 }
 
-/// The main() of a training program in one call.
-template <class AgentConfig>
+/// The main() of a training program in one call, in the world of `WorldConfig`: see train/training_world.h.
+template <class WorldConfig = EnvConfig, class AgentConfig>
 int run_program(const std::string& agent_name, const std::string& description,
                 std::unique_ptr<Agent> (*make_agent)(const AgentConfig&, const AgentSpec&), int argc,
                 const char* const* argv) {
-    RunConfig<AgentConfig> config;
+    RunConfig<AgentConfig, WorldConfig> config;
     ConfigTable table = settings_of(config);
-    Program program{
+    TrainingProgram program{
         .name = "train_" + agent_name,
         .agent_name = agent_name,
         .description = description,
         .table = table,
-        .env = config.env,
-        .train = config.train,
-        .eval = config.eval,
-        .log = config.log,
+        .settings = config,
+        .num_envs = config.env.num_envs,
+        .world = [&] { return training_world(config.env, config.eval); },
+        .spec = [&] { return spec_of(config.env, config.train); },
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
         .several_processes = trains_in_several_processes<AgentConfig>(),
         .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },

@@ -1,9 +1,8 @@
-// The training loop: environments, one agent, logs, evaluations and checkpoints.
+// The training loop: environments, one agent, and a recorder.
 #pragma once
 
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,7 +12,9 @@
 
 namespace cale {
 
-/// What the loop is told beside the configuration.
+struct TrainingWorld;
+
+/// What the loop needs to know beside the configuration.
 struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
     bool resume = false;
@@ -37,7 +38,7 @@ enum class Outcome { finished, interrupted };
 /// SIGINT and SIGTERM end it early, after a checkpoint; a second one ends the program at once.
 /// Throws std::runtime_error where the disk fails or a logged value is not finite (the
 /// checkpoints before are intact), and ResumeError.
-Outcome train(Agent& agent, const EnvConfig& env, const TrainConfig& config, const EvalConfig& eval,
-              const LogConfig& log, const TrainOptions& options);
+Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
+              const TrainOptions& options);
 
 }  // namespace cale

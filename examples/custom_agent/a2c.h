@@ -14,7 +14,7 @@ namespace cale {
 /// Every member is a key `agent.<name>` of train_a2c, because fields() visits it.
 struct A2cConfig {
     // What env.action_space is unless a user says otherwise.
-    static constexpr ActionSpace kActionSpace = ActionSpace::minimal;
+    static constexpr ActionSet kActionSet = ActionSet::minimal;
 
     EncoderKind encoder = EncoderKind::phi_dqn;
     std::int64_t rollout_length = 5;

@@ -14,7 +14,7 @@ namespace example {
 /// Every member is a key `agent.<name>`, because fields() visits it.
 struct PatchDqnConfig {
     // What env.action_space is unless a user says otherwise.
-    static constexpr cale::ActionSpace kActionSpace = cale::ActionSpace::minimal;
+    static constexpr cale::ActionSet kActionSet = cale::ActionSet::minimal;
 
     std::int64_t channels = 64;
     std::int64_t hidden_units = 256;

@@ -30,7 +30,7 @@ AgentSpec world(std::int64_t num_actions) {
 
 template <class Config>
 std::string refusal(const Config& config, std::int64_t available) {
-    const auto spec = world(Config::kActionSpace == ActionSpace::continuous ? 0 : 18);
+    const auto spec = world(Config::kActionSet == ActionSet::continuous ? 0 : 18);
     return test::error_of<std::runtime_error>([&] { check_memory(config, spec, available); });
 }
 

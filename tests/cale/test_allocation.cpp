@@ -48,7 +48,7 @@ TEST(EmulatorAllocation, AStepOfAnEnvironmentTakesNoMemory) {
     EXPECT_EQ(allocations_of([&] { continuous.step({.radius = 1, .theta = 1.5F, .fire = 1}, frame); }), 0);
 
     auto config = cale::protocol_200m("pong");
-    config.action_space = cale::ActionSpace::minimal;
+    config.action_space = cale::ActionSet::minimal;
     cale::Env discrete(config, 1);
     discrete.reset(frame);
     EXPECT_EQ(allocations_of([&] { discrete.step(std::int64_t{2}, frame); }), 0);

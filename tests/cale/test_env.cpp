@@ -23,7 +23,7 @@
 
 namespace {
 
-using cale::ActionSpace;
+using cale::ActionSet;
 using cale::ContinuousAction;
 using cale::Env;
 using cale::EnvConfig;
@@ -36,7 +36,7 @@ using Bytes = std::vector<std::uint8_t>;
 EnvConfig discrete(const char* game) {
     EnvConfig config;
     config.game = game;
-    config.action_space = ActionSpace::minimal;
+    config.action_space = ActionSet::minimal;
     return config;
 }
 
@@ -61,7 +61,7 @@ TEST(EnvConfig, ProtocolsDifferInStickinessAndLifeLoss) {
     EXPECT_EQ(short_run.game, "hero");
     EXPECT_EQ(short_run.sticky_probability, 0);
     EXPECT_TRUE(short_run.terminal_on_life_loss);
-    EXPECT_EQ(cale::names_of(ActionSpace::full)[static_cast<std::size_t>(ActionSpace::full)], "full");
+    EXPECT_EQ(cale::names_of(ActionSet::full)[static_cast<std::size_t>(ActionSet::full)], "full");
     using cale::PaddleStrength;
     EXPECT_EQ(cale::names_of(PaddleStrength::radius)[static_cast<std::size_t>(PaddleStrength::radius)],
               "radius");

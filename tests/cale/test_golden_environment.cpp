@@ -17,7 +17,7 @@
 
 namespace {
 
-using cale::ActionSpace;
+using cale::ActionSet;
 
 constexpr auto kCrcTable = [] {
     std::array<std::uint32_t, 256> table{};
@@ -51,10 +51,10 @@ cale::ContinuousAction continuous_action(std::uint64_t seed, std::uint64_t t) {
             static_cast<float>(golden::uniform(seed, 3 * t + 2))};
 }
 
-ActionSpace action_space(const std::string& name) {
-    static const std::map<std::string, ActionSpace> kSpaces{{"continuous", ActionSpace::continuous},
-                                                            {"minimal", ActionSpace::minimal},
-                                                            {"full", ActionSpace::full}};
+ActionSet action_space(const std::string& name) {
+    static const std::map<std::string, ActionSet> kSpaces{{"continuous", ActionSet::continuous},
+                                                            {"minimal", ActionSet::minimal},
+                                                            {"full", ActionSet::full}};
     return kSpaces.at(name);
 }
 

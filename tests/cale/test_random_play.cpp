@@ -83,7 +83,7 @@ TEST(RandomPlay, BelongsToTheRulesThatItWasMeasuredUnder) {
     EXPECT_EQ(changed([](auto& env) { env.frame_skip = 2; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 99'999; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 100'000; }), "atari100k");
-    EXPECT_EQ(changed([](auto& env) { env.action_space = cale::ActionSpace::minimal; }), "none");
+    EXPECT_EQ(changed([](auto& env) { env.action_space = cale::ActionSet::minimal; }), "none");
 }
 
 TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
@@ -91,7 +91,7 @@ TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
     EXPECT_EQ(cale::random_floor(config), cale::joystick_random("hero", "200m").mean);
     config.threshold = 0.9;
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
-    config.action_space = cale::ActionSpace::full;
+    config.action_space = cale::ActionSet::full;
     EXPECT_EQ(cale::random_floor(config), 1027.0);
     config.game = "air_raid";
     EXPECT_EQ(cale::random_floor(config), std::nullopt);

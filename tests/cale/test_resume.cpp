@@ -91,13 +91,13 @@ TEST(EmulatorResume, VectorEnvironmentsResumeEveryGame) {
         env.step(actions, seen, final_frames, results);
     };
     for (std::uint64_t t = 0; t < 80; ++t) play(original, t, frames);
-    resumed.resume(original.records());
+    resumed.resume(original.record());
     for (std::uint64_t t = 80; t < 160; ++t) {
         play(original, t, frames);
         play(resumed, t, resumed_frames);
         ASSERT_EQ(resumed_frames, frames) << t;
     }
-    auto fewer = original.records();
+    auto fewer = original.record();
     fewer.pop_back();
     EXPECT_THROW(resumed.resume(fewer), std::invalid_argument);
 }

@@ -190,7 +190,7 @@ TEST(EmulatorVectorEnv, MemoryOfTheWrongSizeIsRefused) {
 
 TEST(EmulatorVectorEnv, TakesIndicesOfDiscreteActions) {
     auto config = config_of(2, 2);
-    config.action_space = cale::ActionSpace::minimal;
+    config.action_space = cale::ActionSet::minimal;
     Crowd crowd(config);
     EXPECT_EQ(crowd.envs.actions().size(), 6u);
     const std::vector<std::int64_t> actions{1, 2};
@@ -211,6 +211,41 @@ TEST(EmulatorVectorEnv, ComesAndGoesWithoutHanging) {
     moved.step(crowd.actions, crowd.frames, crowd.final_frames, crowd.results);
     crowd.envs = std::move(moved);
     crowd.step(0);
+}
+
+}  // namespace
+
+namespace {
+
+// The rewards do not depend on what is observed; the bytes are those of the console.
+TEST(VectorEnvEmulator, ObservesTheMemory) {
+    auto config = config_of(2, 1);
+    const std::vector<std::uint32_t> seeds{1, 2};
+    VectorEnv pixels(config, seeds);
+    config.obs = cale::Obs::ram;
+    VectorEnv ram(config, seeds);
+    EXPECT_EQ(ram.observation_space(), (cale::ObservationSpace{.stack = 4, .shape = {128}}));
+    EXPECT_EQ(ram.action_space(), cale::ActionSpace(cale::joystick_space()));
+    Bytes frames(2 * kFrameSize), final_frames(frames.size()), bytes(2 * 128), final_bytes(bytes.size());
+    std::vector<StepResult> with_pixels(2), with_ram(2);
+    pixels.reset(frames);
+    ram.reset(bytes);
+    int ended = 0;
+    for (std::uint64_t t = 0; t < 60; ++t) {
+        std::vector<ContinuousAction> actions{random_action(0, t), random_action(1, t)};
+        pixels.step(actions, frames, final_frames, with_pixels);
+        ram.step(actions, bytes, final_bytes, with_ram);
+        for (std::size_t i = 0; i < 2; ++i) {
+            EXPECT_EQ(with_ram[i].reward, with_pixels[i].reward);
+            EXPECT_EQ(with_ram[i].episode_over, with_pixels[i].episode_over);
+            ended += with_ram[i].episode_over;
+            EXPECT_TRUE(std::ranges::equal(std::span(bytes).subspan(i * 128, 128),
+                                           pixels.env(static_cast<std::int64_t>(i)).ram()));
+        }
+    }
+    EXPECT_GT(ended, 0);
+    Bytes too_large(2 * kFrameSize);
+    EXPECT_THROW(ram.reset(too_large), std::invalid_argument);
 }
 
 }  // namespace

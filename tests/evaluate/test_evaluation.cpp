@@ -185,7 +185,7 @@ TEST(EvaluationEmulator, EpsilonIsThePartOfRandomActions) {
     const auto steps = std::accumulate(half.events.begin(), half.events.end(), std::int64_t{0});
     // A random action is LEFT too now and then.
     EXPECT_NEAR(static_cast<double>(half.events[left]) / static_cast<double>(steps), 0.5 + 0.5 * 0.07, 0.08);
-    plan.env.action_space = ActionSpace::minimal;
+    plan.env.action_space = ActionSet::minimal;
     const auto always_last = [](const torch::Tensor& observations, std::span<const std::int64_t>) {
         return Chosen{.actions = torch::full({observations.size(0)}, 3, torch::kInt64)};
     };
@@ -388,7 +388,7 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     auto plan = short_games();
     plan.env = env_config_of(policy.info());
     plan.env.max_frames_per_episode = 80;
-    EXPECT_EQ(plan.env.action_space, ActionSpace::minimal);
+    EXPECT_EQ(plan.env.action_space, ActionSet::minimal);
     plan.games = 2;
     const auto evaluation = evaluate(decide_by(policy, false, 1), plan);
     const EvaluationReport report{.source = "run",
@@ -408,7 +408,7 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"random_play\": 1.7\n"));
 
     // The joystick at random is another floor, which depends on the rules.
-    plan.env.action_space = ActionSpace::continuous;
+    plan.env.action_space = ActionSet::continuous;
     EXPECT_THAT(evaluation_text(report), HasSubstr("not measured with this joystick and these rules\n"));
     plan.env.max_frames_per_episode = 108'000;
     const auto& play = joystick_random("breakout", "200m");
@@ -417,13 +417,13 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
         evaluation_text(report),
         HasSubstr(fmt::format("random play           {:.2f} ({:.2f} to {:.2f}), measured with the joystick\n",
                               play.mean, play.low, play.high)));
-    plan.env.action_space = ActionSpace::minimal;
+    plan.env.action_space = ActionSet::minimal;
 
     EXPECT_NO_THROW(require_playable(policy.info(), plan.env));
     plan.env.game = "alien";
     EXPECT_THAT([&] { require_playable(policy.info(), plan.env); },
                 testing::ThrowsMessage<std::invalid_argument>(HasSubstr("4 joystick events of Breakout")));
-    plan.env.action_space = ActionSpace::continuous;
+    plan.env.action_space = ActionSet::continuous;
     EXPECT_THAT([&] { require_playable(policy.info(), plan.env); },
                 testing::ThrowsMessage<std::invalid_argument>(HasSubstr("env.action_space=minimal")));
 }

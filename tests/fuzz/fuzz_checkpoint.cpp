@@ -45,7 +45,7 @@ struct World {
 
     static cale::EnvConfig breakout() {
         auto config = cale::protocol_200m("breakout");
-        config.action_space = cale::ActionSpace::full;
+        config.action_space = cale::ActionSet::full;
         return config;
     }
     static std::unique_ptr<cale::Agent> make_agent() {

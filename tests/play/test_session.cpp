@@ -95,7 +95,7 @@ TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
     std::filesystem::remove(film);
     std::int64_t decisions = 0;
     PlayPlan plan{.env = breakout(), .games = 1, .speed = 0, .video = film};
-    plan.env.action_space = ActionSpace::minimal;
+    plan.env.action_space = ActionSet::minimal;
     plan.decide = [&](const torch::Tensor& observations, std::span<const std::int64_t> games) {
         EXPECT_EQ(observations.sizes(), (std::vector<std::int64_t>{1, 4, 84, 84}));
         EXPECT_EQ(games.size(), 1u);

@@ -276,7 +276,7 @@ TEST_F(Runs, KnowTheRulesThatTheyWerePlayedBy) {
     const auto all = found();
     ASSERT_TRUE(all.runs.at(0).env);
     EXPECT_EQ(all.runs[0].env->game, "Pong");
-    EXPECT_EQ(all.runs[0].env->action_space, ActionSpace::minimal);
+    EXPECT_EQ(all.runs[0].env->action_space, ActionSet::minimal);
     EXPECT_EQ(all.runs[0].env->sticky_probability, 0);
     EXPECT_TRUE(all.runs[0].env->terminal_on_life_loss);
     EXPECT_FALSE(all.runs[1].env);

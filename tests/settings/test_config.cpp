@@ -591,7 +591,7 @@ TEST(ConfigOfTheEnvironment, EverySettingReachesTheStruct) {
     table.set_override("env.action_space=minimal");
     table.set_override("env.max_frames_per_episode=1_000");
     EXPECT_EQ(env.threshold, 0.25);
-    EXPECT_EQ(env.action_space, ActionSpace::minimal);
+    EXPECT_EQ(env.action_space, ActionSet::minimal);
     EXPECT_EQ(env.max_frames_per_episode, 1000);
 }
 

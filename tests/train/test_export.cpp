@@ -39,12 +39,12 @@ struct Case {
     std::string name, agent;
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make;
     std::function<std::string()> config_yaml;
-    ActionSpace action_space = ActionSpace::continuous;
+    ActionSet action_space = ActionSet::continuous;
 };
 
 template <class AgentConfig>
 Case make_case(const std::string& name, const std::string& agent, AgentConfig agent_config,
-               ActionSpace action_space,
+               ActionSet action_space,
                std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&)) {
     if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
     const auto yaml = [agent_config, action_space] {
@@ -80,17 +80,17 @@ std::vector<Case> cases() {
     der.encoder = EncoderKind::impala;
     DerConfig rainbow_parts = der;
     rainbow_parts.distributional = rainbow_parts.noisy = false;
-    const auto joystick = ActionSpace::continuous;
+    const auto joystick = ActionSet::continuous;
     return {make_case("sac", "sac", sac, joystick, make_sac),
             make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
-            make_case("sacd", "sacd", sacd, ActionSpace::full, make_sacd),
+            make_case("sacd", "sacd", sacd, ActionSet::full, make_sacd),
             make_case("ppo", "ppo", ppo, joystick, make_ppo),
             make_case("ppo_shared", "ppo", ppo_shared, joystick, make_ppo),
-            make_case("ppo_discrete", "ppo", ppo, ActionSpace::minimal, make_ppo),
-            make_case("dqn", "dqn", dqn, ActionSpace::minimal, make_dqn),
-            make_case("nature", "dqn", nature, ActionSpace::minimal, make_dqn),
-            make_case("der", "der", der, ActionSpace::minimal, make_der),
-            make_case("der_parts", "der", rainbow_parts, ActionSpace::minimal, make_der)};
+            make_case("ppo_discrete", "ppo", ppo, ActionSet::minimal, make_ppo),
+            make_case("dqn", "dqn", dqn, ActionSet::minimal, make_dqn),
+            make_case("nature", "dqn", nature, ActionSet::minimal, make_dqn),
+            make_case("der", "der", der, ActionSet::minimal, make_der),
+            make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der)};
 }
 
 /// What is seen of a game of Breakout that chance plays.
@@ -119,8 +119,8 @@ class ExportEmulator : public testing::TestWithParam<Case> {
         write_file_atomically(run / "metadata.json",
                               nlohmann::json{{"exp_name", agent_name}, {"cale", "0.1.0"}}.dump());
         AgentSpec spec;
-        spec.num_actions = action_space == ActionSpace::continuous ? 0
-                           : action_space == ActionSpace::full     ? 18
+        spec.num_actions = action_space == ActionSet::continuous ? 0
+                           : action_space == ActionSet::full     ? 18
                                                                    : 4;
         agent = make(spec);
         RunSnapshot snapshot;

@@ -91,7 +91,7 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
 
 /// Has no settings.
 struct WalkConfig {
-    static constexpr ActionSpace kActionSpace = ActionSpace::continuous;
+    static constexpr ActionSet kActionSet = ActionSet::continuous;
 };
 template <class Visit>
 void fields(WalkConfig&, Visit&&) {}

@@ -262,7 +262,7 @@ TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActio
         }
     } discrete(1);
     eval.episodes = 0;
-    env.action_space = ActionSpace::minimal;
+    env.action_space = ActionSet::minimal;
     testing::internal::CaptureStderr();
     train(discrete);
     EXPECT_THAT(testing::internal::GetCapturedStderr(),
@@ -272,7 +272,7 @@ TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActio
 
     const TemporaryFolder place;
     options.run_dir = place.path();
-    env.action_space = ActionSpace::continuous;
+    env.action_space = ActionSet::continuous;
     env.max_frames_per_episode = 108'000;
     ScribeAgent joystick(1);
     train(joystick);

@@ -1,0 +1,412 @@
+#include "train/recorder.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "evaluate/evaluation.h"
+#include "replay/replay_buffer.h"
+#include "report/learning_curve.h"
+#include "settings/seeds.h"
+#include "terminal/console.h"
+#include "terminal/stop_signals.h"
+#include "train/checkpoint_writer.h"
+#include "train/event_file.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::size_t kRecentEpisodes = 100;
+constexpr std::ptrdiff_t kClosingEpisodes = 10;
+
+/// Thrown out of an evaluation that a signal cuts off.
+struct Interrupted {};
+
+/// Returns whether a multiple of `every` lies in (before, now]; never where it is 0.
+bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
+    return every > 0 && before / every != now / every;
+}
+
+/// A clock that continues where the last sitting stopped.
+class Stopwatch {
+  public:
+    explicit Stopwatch(double seconds_before) : seconds_before_(seconds_before) {}
+    double seconds() const {
+        return seconds_before_ +
+               std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    }
+
+  private:
+    double seconds_before_;
+    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Steps per second since it was last asked to start again.
+struct Speedometer {
+    std::int64_t step = 0;
+    double seconds = 0;
+    double read(std::int64_t step_now, double seconds_now) const {
+        return seconds_now > seconds ? static_cast<double>(step_now - step) / (seconds_now - seconds) : 0;
+    }
+};
+
+std::optional<double> mean(const std::vector<double>& values) {
+    if (values.empty()) return std::nullopt;
+    double sum = 0;
+    for (const double value : values) sum += value;
+    return sum / static_cast<double>(values.size());
+}
+
+void check_finite(const std::map<std::string, double>& metrics, const RunState& state,
+                  const fs::path& run_dir) {
+    for (const auto& [name, value] : metrics) {
+        if (std::isfinite(value)) continue;
+        throw std::runtime_error(fmt::format(
+            "{} became {} by agent step {}: training stopped, and the last checkpoint in {} is from before; "
+            "a lower agent.learning_rate is the usual remedy",
+            name, value, state.step, (run_dir / "checkpoints").string()));
+    }
+}
+
+}  // namespace
+
+/// What the first process alone has.
+struct Recorder::Files {
+    Files(const RunState& state, const TrainingWorld& world, const RunSettings& settings,
+          const TrainOptions& options, const Checkpoint* resumed)
+        : console(stderr, options.progress_bar),
+          stopwatch(state.seconds),
+          speed{state.step, state.seconds},
+          episodes(options.run_dir / "episodes.csv",
+                   {.env_id = world.id,
+                    .agent = options.agent_name,
+                    .seed = static_cast<std::uint64_t>(settings.train.seed)},
+                   resumed != nullptr ? std::optional(state.episodes_offset) : std::nullopt),
+          progress(options.run_dir / "progress.csv",
+                   resumed != nullptr ? std::optional(state.progress_rows) : std::nullopt),
+          checkpoints(options.run_dir,
+                      {.newest = settings.train.keep_checkpoints,
+                       .every = settings.train.keep_every,
+                       .step_size = world.num_envs,
+                       .best = settings.train.keep_best},
+                      resumed != nullptr ? std::optional(resumed->stored) : std::nullopt) {
+        if (settings.log.tensorboard) {
+            events.emplace(options.run_dir, resumed != nullptr ? std::optional(state.step) : std::nullopt);
+            events->write_hyperparameters(options.hyperparameters);
+        }
+    }
+
+    /// Returns what the console shows.
+    Progress progress_at(const RunState& state, std::int64_t total_steps) const {
+        return {.step = state.step,
+                .total_steps = total_steps,
+                .frame = state.frame,
+                .steps_per_second = speed.read(state.step, stopwatch.seconds()),
+                .episodes = state.episodes,
+                .mean_return = mean(state.recent_returns),
+                .values = shown};
+    }
+
+    Console console;
+    Stopwatch stopwatch;
+    Speedometer speed;
+    EpisodeLog episodes;
+    ProgressLog progress;
+    CheckpointWriter checkpoints;
+    std::optional<EventFile> events;
+    std::vector<std::pair<std::string, double>> shown;
+    Progress reported;  // newest
+};
+
+Recorder::Recorder(Agent& agent, Collector& collector, RunState& state, const TrainingWorld& world,
+                   const RunSettings& settings, const TrainOptions& options, const Checkpoint* resumed)
+    : agent_(agent),
+      collector_(collector),
+      state_(state),
+      world_(world),
+      settings_(settings),
+      options_(options),
+      resumed_(resumed) {
+    if (!options.processes.first()) return;
+    files_ = std::make_unique<Files>(state, world, settings, options, resumed);
+    files_->reported = files_->progress_at(state, settings.train.total_steps);
+}
+
+Recorder::~Recorder() = default;
+
+// When ------------------------------------------------------------------------------------
+
+/// The processes synchronise where the first one has a row, an evaluation or a checkpoint to write, and at
+/// the end.
+bool Recorder::synchronises(std::int64_t before) const {
+    const auto& [train, eval, log] = settings_;
+    const std::array periods{log.every, eval.every, train.checkpoint_every, train.keep_every};
+    return state_.step >= train.total_steps ||
+           std::ranges::any_of(periods, [&](auto period) { return passed(before, state_.step, period); });
+}
+
+/// Where it is not the last step.
+bool Recorder::checkpoint_due(std::int64_t before) const {
+    const auto& train = settings_.train;
+    return passed(before, state_.step, train.checkpoint_every) ||
+           passed(before, state_.step, train.keep_every) ||
+           (evaluations_decide() && passed(before, state_.step, settings_.eval.every));
+}
+
+/// Whether train.keep_best compares evaluations. It compares training episodes where there are none, or only
+/// the one at the end.
+bool Recorder::evaluations_decide() const {
+    return settings_.train.keep_best && settings_.eval.every > 0 && settings_.eval.episodes > 0;
+}
+
+/// Several processes agree on it when they synchronise.
+bool Recorder::agreed_to_stop(bool together) const {
+    if (options_.processes.alone()) return stop_requested();
+    return together && options_.processes.any(stop_requested());
+}
+
+// The run ---------------------------------------------------------------------------------
+
+void Recorder::begin() {
+    if (resumed_ != nullptr && files_) {
+        for (const auto& sentence : resumed_->passed_over) files_->console.message(sentence);
+        files_->console.message(fmt::format("Resumed at agent step {}.", state_.step));
+        if (options_.resumed) options_.resumed(state_.seconds);
+    }
+    // So that a run can be resumed from its first step on, and remembers what was changed.
+    if (resumed_ == nullptr || options_.changed) write_checkpoint();
+    if (state_.evaluation_due) {
+        state_.evaluation_due = !run_evaluation();
+        if (!state_.evaluation_due) rewrite_checkpoint_after_evaluation();
+    }
+    stop_ = agreed_to_stop(/*together=*/true);
+}
+
+void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
+    const auto& [train, eval, log] = settings_;
+    const bool together = synchronises(before);
+    if (together) collector_.synchronise(state_, ended);
+    state_.score.reset();
+    for (const auto& episode : ended) write_episode(episode);
+    ended.clear();
+    if (passed(before, state_.step, log.every)) write_row(/*to_tensorboard=*/true);
+    if (files_ && files_->console.due()) files_->console.draw(files_->progress_at(state_, train.total_steps));
+    // In this order: a run that is killed in an evaluation repeats it.
+    if (passed(before, state_.step, eval.every) && state_.step < train.total_steps)
+        state_.evaluation_due = !run_evaluation();
+    if (checkpoint_due(before)) write_scheduled_checkpoint();
+    if (files_) files_->checkpoints.check();
+    stop_ = agreed_to_stop(together);
+}
+
+Outcome Recorder::finish() {
+    const bool complete = state_.step >= settings_.train.total_steps;
+    if (written_step_ != state_.step) {
+        if (complete) {
+            write_scheduled_checkpoint();
+        } else {
+            write_checkpoint();
+        }
+    }
+    write_last_row();
+    draw_curve();
+    if (files_) files_->checkpoints.finish();
+    // A run that was killed behind the checkpoint of its last evaluation does not play that again.
+    const bool evaluated = state_.score && state_.score->evaluated;
+    if (!complete || (!evaluated && !run_evaluation())) {
+        if (files_)
+            files_->console.message(
+                fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}", state_.step,
+                            options_.run_dir.string()));
+        return Outcome::interrupted;
+    }
+    if (!evaluated) rewrite_checkpoint_after_evaluation();
+    if (files_) {
+        files_->checkpoints.finish();
+        files_->console.finish(files_->reported,
+                               fmt::format("{}Results: {}", closing_line(), options_.run_dir.string()));
+    }
+    return Outcome::finished;
+}
+
+// Rows ------------------------------------------------------------------------------------
+
+void Recorder::write_episode(const Episode& episode) {
+    ++state_.episodes;
+    auto& recent = state_.recent_returns;
+    recent.push_back(episode.episode_return);
+    if (recent.size() > kRecentEpisodes) recent.erase(recent.begin());
+    if (!files_) return;
+    files_->episodes.write(episode);
+    if (files_->events) {
+        files_->events->write(episode.global_step,
+                              {{"charts/episodic_return", episode.episode_return},
+                               {"charts/episodic_length", static_cast<double>(episode.length)}});
+    }
+}
+
+/// The steps since the last row. After the checkpoint, which does not count this row: a run that is
+/// resumed from it has the rows that it would have without the interruption.
+void Recorder::write_last_row() {
+    if (!files_ || state_.step <= files_->progress.last_step()) return;
+    // TensorBoard cannot forget a value of the step that a run is resumed from.
+    write_row(/*to_tensorboard=*/state_.step >= settings_.train.total_steps);
+    files_->progress.sync();
+}
+
+void Recorder::write_row(bool to_tensorboard) {
+    if (!files_) return;
+    const double seconds = files_->stopwatch.seconds();
+    const double steps_per_second = files_->speed.read(state_.step, seconds);
+    auto metrics = newest_metrics();
+    // Nothing was measured where a run is resumed at its end.
+    for (const auto& [name, part] : TimeSplit::kParts)
+        if (time.total() > 0) metrics[fmt::format("time/{}", name)] = time.*part / time.total();
+    time = {};
+    files_->shown.clear();
+    for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
+        const auto found = metrics.find(tag);
+        if (found != metrics.end()) files_->shown.emplace_back(fs::path(tag).filename(), found->second);
+    }
+    if (const auto recent = mean(state_.recent_returns)) metrics["charts/avg_episodic_return"] = *recent;
+    files_->progress.write({.global_step = state_.step,
+                            .frame = state_.frame,
+                            .seconds = seconds,
+                            .steps_per_second = steps_per_second,
+                            .scalars = metrics});
+    if (files_->events && to_tensorboard) {
+        metrics["charts/SPS"] = steps_per_second;
+        files_->events->write(state_.step, metrics);
+    }
+    files_->reported = files_->progress_at(state_, settings_.train.total_steps);
+    files_->console.report(files_->reported);
+    files_->speed = {state_.step, seconds};
+}
+
+/// A resumed agent knows those of its newest update only when it has made another.
+std::map<std::string, double> Recorder::newest_metrics() {
+    auto metrics = agent_.metrics();
+    metrics.insert(state_.metrics.begin(), state_.metrics.end());
+    check_finite(metrics, state_, options_.run_dir);
+    return metrics;
+}
+
+// Checkpoints -----------------------------------------------------------------------------
+
+/// All processes call it: the first one's checkpoints hold the state of all.
+void Recorder::write_checkpoint() {
+    written_step_ = state_.step;
+    if (!files_) {
+        agent_.state();
+        collector_.state();
+        return;
+    }
+    files_->checkpoints.finish();
+    state_.metrics = newest_metrics();
+    files_->episodes.sync();
+    files_->progress.sync();
+    state_.seconds = files_->stopwatch.seconds();
+    state_.episodes_offset = files_->episodes.offset();
+    state_.progress_rows = files_->progress.rows();
+    RunSnapshot snapshot{
+        .state = state_, .agent = agent_.state(), .games = collector_.state(), .config = options_.config};
+    if (settings_.train.save_replay && agent_.replay() != nullptr)
+        snapshot.replay.emplace(agent_.replay()->snapshot());
+    files_->checkpoints.start(std::move(snapshot));
+    if (options_.checkpointed) options_.checkpointed();
+}
+
+/// One that an uninterrupted run writes, too, so that train.keep_best compares it.
+void Recorder::write_scheduled_checkpoint() {
+    const auto training_return = mean(state_.recent_returns);
+    if (!state_.score && training_return && !evaluations_decide())
+        state_.score = {.evaluated = false, .mean_return = *training_return};
+    write_checkpoint();
+}
+
+/// The checkpoint of this step once more, with the score of an evaluation that came later than it did.
+void Recorder::rewrite_checkpoint_after_evaluation() {
+    if (evaluations_decide()) write_checkpoint();
+}
+
+// Evaluations -----------------------------------------------------------------------------
+
+/// Returns false where a signal has cut it off; the agent is then as it was before.
+bool Recorder::run_evaluation() {
+    const auto& eval = settings_.eval;
+    if (eval.episodes == 0) return true;
+    // The other processes wait for the end of this; they would not know that it was cut off.
+    const bool interruptible = options_.processes.alone();
+    Evaluation result;
+    const std::string name = fmt::format("step_{:09}", state_.step);
+    const bool films = eval.video && world_.can_film;
+    const fs::path video = films ? options_.run_dir / "videos" / (name + ".mp4") : fs::path();
+    if (files_) {
+        if (films) fs::create_directories(video.parent_path());
+        const auto agent_before = interruptible ? agent_.state() : TensorMap();
+        const auto decide = [&](const torch::Tensor& observations, std::span<const std::int64_t>) {
+            if (interruptible && stop_requested()) throw Interrupted{};
+            return Chosen{.actions = agent_.act(observations, ActMode::evaluate)};
+        };
+        try {
+            result = world_.evaluate(
+                decide, eval.episodes,
+                derive_seed(static_cast<std::uint64_t>(settings_.train.seed), "evaluation at", state_.step),
+                video);
+        } catch (const Interrupted&) {
+            state_.metrics = newest_metrics();
+            agent_.load_state(agent_before);
+            return false;
+        }
+    }
+    if (evaluations_decide()) state_.score = {.evaluated = true, .mean_return = result.mean_return};
+    if (!files_) return true;
+    const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
+    write_evaluation(csv, result);
+    if (files_->events) files_->events->write(state_.step, {{"eval/episodic_return", result.mean_return}});
+    files_->console.message(
+        fmt::format("Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "
+                    "{} game{}; {}{}",
+                    state_.step, result.mean_return, result.standard_deviation, result.games.size(),
+                    result.games.size() == 1 ? "" : "s", csv.string(), films ? ", " + video.string() : ""));
+    return true;
+}
+
+// The end ---------------------------------------------------------------------------------
+
+/// How the newest games went beside random play, and a line end; empty where no game has ended.
+std::string Recorder::closing_line() const {
+    const auto& all = state_.recent_returns;
+    const std::vector newest(all.end() - std::min<std::ptrdiff_t>(std::ssize(all), kClosingEpisodes),
+                             all.end());
+    const auto mean_return = mean(newest);
+    if (!mean_return) return "";
+    auto text = fmt::format("Mean return of the last {} game{} in training: {:.1f}", newest.size(),
+                            newest.size() == 1 ? "" : "s", *mean_return);
+    if (const auto floor = world_.random_score) {
+        text += fmt::format(", {:.1f} {} than random play ({:.1f})", std::abs(*mean_return - *floor),
+                            *mean_return < *floor ? "less" : "more", *floor);
+    }
+    return text + "\n";
+}
+
+void Recorder::draw_curve() const {
+    if (!files_) return;
+    const EpisodeHistory history = read_episodes(options_.run_dir / "episodes.csv");
+    if (history.steps.empty()) return;
+    std::vector<ReferenceScore> references;
+    if (world_.random_score) references.push_back({"random", *world_.random_score});
+    if (world_.human_score) references.push_back({"human", *world_.human_score});
+    const Picture picture =
+        learning_curve(history, fmt::format("{} on {}", options_.agent_name, world_.id), references);
+    for (const auto* name : {"learning_curve.svg", "learning_curve.png"}) {
+        write_picture(picture, options_.run_dir / name);
+    }
+}
+
+}  // namespace cale

@@ -1,0 +1,49 @@
+#include "train/training_world.h"
+
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "cale/games.h"
+#include "cale/random_play.h"
+#include "cale/vector_env.h"
+
+namespace cale {
+
+TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
+    const Game& game = find_game(env.game);
+    const auto make = [env](std::span<const std::uint32_t> seeds) {
+        auto share = env;
+        share.num_envs = std::ssize(seeds);
+        return std::make_unique<VectorEnv>(share, seeds);
+    };
+    const auto evaluate_games = [env, noop_max = eval.noop_max](const Decide& decide, std::int64_t games,
+                                                                std::uint64_t seed,
+                                                                const std::filesystem::path& video) {
+        EvaluationPlan plan{.env = env, .games = games, .seed = seed, .video = video};
+        plan.env.noop_max = noop_max;
+        return evaluate(decide, plan);
+    };
+    const auto facts = [env](const ActionSpace& actions) {
+        return std::vector<std::pair<std::string, std::string>>{
+            {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
+                                     env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
+            {"actions", num_actions(actions) > 0 ? fmt::format("{} joystick events", num_actions(actions))
+                                                 : fmt::format("continuous, threshold {}", env.threshold)}};
+    };
+    return {.id = fmt::format("ALE/{}-v5", game.name),
+            .name = std::string(game.name),
+            .num_envs = env.num_envs,
+            .threads = VectorEnv::threads(env),
+            .bytes_per_env = VectorEnv::memory_needed(env) / env.num_envs,
+            .frames_per_step = env.frame_skip,
+            .rom = find_rom(env.game, env.rom_dir),
+            .make = make,
+            .evaluate = evaluate_games,
+            .can_film = true,
+            .random_score = random_floor(env),
+            .human_score = game.human_score,
+            .facts = facts};
+}
+
+}  // namespace cale

@@ -1,0 +1,65 @@
+// The world that a training program trains in: an Atari 2600 game, or any other (examples/pendulum).
+//
+// The configuration of another world, a struct with fields() and num_envs, has these functions beside it:
+//     std::string world_name(const Config&)                                  "Pendulum"
+//     ActionSpace action_space(const Config&)
+//     ObservationSpace observation_space(const Config&)
+//     std::unique_ptr<World> make_world(const Config&, std::span<const std::uint32_t> seeds)
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cale/env.h"
+#include "evaluate/evaluation.h"
+#include "settings/run_config.h"
+#include "world/world.h"
+
+namespace cale {
+
+/// What programs, logs and evaluations need to know of a world.
+struct TrainingWorld {
+    std::string id;                    // of tables and pages: "ALE/Pong-v5"
+    std::string name;                  // of run folders: "Pong"
+    std::int64_t num_envs = 1;         // of all processes
+    std::int64_t threads = 1;          // that step them
+    std::int64_t bytes_per_env = 0;    // of memory, about
+    std::int64_t frames_per_step = 1;  // at most
+    std::filesystem::path rom{};       // the game's file; empty: there is none
+
+    MakeWorld make;
+    /// Plays so many games with `decide`; what happens follows from the seed. Films the first one to `video`,
+    /// unless that is empty or there is nothing to film.
+    std::function<Evaluation(const Decide& decide, std::int64_t games, std::uint64_t seed,
+                             const std::filesystem::path& video)>
+        evaluate;
+    bool can_film = false;
+
+    std::optional<double> random_score{}, human_score{};  // mean returns, where they are known
+    /// What the header of a run says of it, with the actions that it turned out to have.
+    std::function<std::vector<std::pair<std::string, std::string>>(const ActionSpace&)> facts;
+};
+
+/// Returns that of an Atari game. Throws std::invalid_argument for an unknown game and std::runtime_error for
+/// a ROM that is missing.
+TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval);
+
+/// Returns that of any other configuration; see the top of this file.
+template <class WorldConfig>
+TrainingWorld training_world(const WorldConfig& config, const EvalConfig&) {
+    const auto make = [config](std::span<const std::uint32_t> seeds) { return make_world(config, seeds); };
+    return {.id = world_name(config),
+            .name = world_name(config),
+            .num_envs = config.num_envs,
+            .make = make,
+            .evaluate = [make](const Decide& decide, std::int64_t games, std::uint64_t seed,
+                               const std::filesystem::path&) { return evaluate(decide, make, games, seed); },
+            .facts = [](const ActionSpace&) { return std::vector<std::pair<std::string, std::string>>{}; }};
+}
+
+}  // namespace cale

@@ -1,0 +1,52 @@
+// What an agent may do and what it sees, as values.
+#pragma once
+
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+namespace cale {
+
+/// `n` actions, numbered from 0.
+struct Discrete {
+    std::int64_t n = 0;  // at least 1
+    bool operator==(const Discrete&) const = default;
+};
+
+/// Vectors of real numbers: coordinate i lies in [low[i], high[i]].
+struct Box {
+    std::vector<float> low, high;  // of one size
+    /// Returns the number of coordinates.
+    std::int64_t size() const { return static_cast<std::int64_t>(low.size()); }
+    bool operator==(const Box&) const = default;
+};
+
+/// What a step takes: the number of an action, or a vector.
+using ActionSpace = std::variant<Discrete, Box>;
+
+/// Returns the number of actions of a discrete space; 0 for a box.
+inline std::int64_t num_actions(const ActionSpace& space) {
+    const auto* discrete = std::get_if<Discrete>(&space);
+    return discrete != nullptr ? discrete->n : 0;
+}
+
+/// Returns the number of coordinates of a box; 0 for a discrete space.
+inline std::int64_t box_size(const ActionSpace& space) {
+    const auto* box = std::get_if<Box>(&space);
+    return box != nullptr ? box->size() : 0;
+}
+
+/// The newest `stack` arrays of bytes, newest last: frames {height, width}, or {128} bytes of a console.
+struct ObservationSpace {
+    std::int64_t stack = 4;                   // arrays of an observation
+    std::vector<std::int64_t> shape{84, 84};  // of one array
+    /// Returns the number of bytes of one array.
+    std::int64_t frame_size() const {
+        std::int64_t size = 1;
+        for (const auto extent : shape) size *= extent;
+        return size;
+    }
+    bool operator==(const ObservationSpace&) const = default;
+};
+
+}  // namespace cale

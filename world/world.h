@@ -1,0 +1,61 @@
+// What any environment is to an agent and to the training loop: `VectorEnv` (cale/vector_env.h) is one, and
+// so is whatever else has actions, observations and rewards (examples/custom_environment, examples/pendulum).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "world/spaces.h"
+#include "world/step_result.h"
+
+namespace cale {
+
+/// One action for each environment: N vectors of a box, row by row, or N numbers of a discrete space.
+using Actions = std::variant<std::span<const float>, std::span<const std::int64_t>>;
+
+/// The state needed to reproduce everything that follows in one environment, as named bytes.
+using EpisodeRecord = std::map<std::string, std::vector<std::uint8_t>>;
+
+/// N environments that step together; one whose episode ended is reset within the same step. The caller keeps
+/// the stack of observations: an environment writes the newest array alone, observation_space().frame_size()
+/// bytes. One thread at a time may call an object. The same seeds and actions must give the same results.
+class World {
+  public:
+    virtual ~World() = default;
+
+    /// Returns the number of environments, N.
+    virtual std::int64_t size() const = 0;
+    /// Returns what step() takes.
+    virtual ActionSpace action_space() const = 0;
+    /// Returns what an agent sees.
+    virtual ObservationSpace observation_space() const = 0;
+
+    /// Starts a new episode everywhere. `frames`: N x frame_size bytes, the first observations.
+    virtual void reset(std::span<std::uint8_t> frames) = 0;
+
+    /// One agent step of every environment, written straight into the caller's memory.
+    ///   frames        N x frame_size: the newest array; where the episode was over, the first one of the
+    ///   next final_frames  N x frame_size: written only where the episode was over, with its last array
+    ///   results       N
+    /// Throws what a bad action deserves, after all environments have finished the step.
+    virtual void step(const Actions& actions, std::span<std::uint8_t> frames,
+                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) = 0;
+
+    /// Returns, for each environment, what resume() needs. Not while a step is under way.
+    virtual std::vector<EpisodeRecord> record() const = 0;
+    /// Continues in every environment as the one would that was recorded. The newest observations are not
+    /// written: the caller has them. Throws std::runtime_error for a record that is damaged or another
+    /// world's.
+    virtual void resume(std::span<const EpisodeRecord> records) = 0;
+};
+
+/// Makes the environments that have these seeds, one for each.
+using MakeWorld = std::function<std::unique_ptr<World>(std::span<const std::uint32_t> seeds)>;
+
+}  // namespace cale
