@@ -149,7 +149,8 @@ struct Acting {
 ///     map<string, double> metrics(const Losses&)
 ///     void add_state(StateParts&)
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
-/// and, where it has them, copy_to_target() with config.target_update_period, and prioritised() with
+/// and, where it has them, a `network` with a specification `acting` (policies are exported by it),
+/// copy_to_target() with config.target_update_period, and prioritised() with
 /// Losses::priorities [B].
 /// With N environments an update() stands for N decisions, and each of them whose number is a multiple of
 /// update_period is one update: 1 / update_period per agent step, as with N = 1.
@@ -202,12 +203,24 @@ class OffPolicy final : public Agent {
         newest_.reset();
         gradient_step_.forget();
     }
+    std::optional<AgentPolicy> policy() const override {
+        if constexpr (requires { algorithm_.network->acting; })
+            return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
+        return std::nullopt;
+    }
     ReplayBuffer* replay() override { return &replay_.buffer(); }
 
   private:
     bool prioritised() const {
         if constexpr (requires { algorithm_.prioritised(); }) return algorithm_.prioritised();
         return false;
+    }
+
+    double evaluation_epsilon() const {
+        const auto& config = algorithm_.config;
+        if constexpr (requires { config.exploration; })
+            if (config.exploration == Exploration::standard) return 0;
+        return config.epsilon.epsilon_eval;
     }
 
     double scheduled_epsilon() const { return replay_.epsilon(algorithm_.config.epsilon); }

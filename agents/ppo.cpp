@@ -212,6 +212,12 @@ class Ppo final : public Agent {
         return values;
     }
 
+    std::optional<AgentPolicy> policy() const override {
+        const bool uniform = config_.exploration == Exploration::epsilon_greedy;
+        return policy_of_network(learner_.network, /*samples=*/true,
+                                 uniform ? config_.epsilon.epsilon_eval : 0);
+    }
+
     TensorMap state() override {
         auto state = saved(parts());
         add_part(state, "rollout/", joined_rollouts(spec_.processes.gather(rollout_.state())));

@@ -22,7 +22,8 @@ using namespace cale;
 /// SAC's network with random weights; DQN's where the encoder is phi_dqn.
 std::string policy_contents(const std::string& encoder) {
     PolicyFile policy;
-    auto& [info, network, weights, golden] = policy;
+    auto& info = policy.info;
+    auto& network = policy.network;
     info.action_space = "continuous";
     const auto hidden = hidden_layers(1, 512, Layer::Kind::relu);
     if (encoder == "phi_dqn") {
@@ -44,14 +45,11 @@ std::string policy_contents(const std::string& encoder) {
         const float bound =
             1.7f / std::sqrt(static_cast<float>(count / static_cast<std::size_t>(shape.front())));
         std::uniform_real_distribution<float> uniform(-bound, bound);
-        weights[name].resize(count);
-        for (auto& number : weights[name]) number = uniform(random);
+        auto& weights = policy.weights[name];
+        weights.resize(count);
+        for (auto& number : weights) number = uniform(random);
     }
-    golden.observation = golden_observation(info);
-    const lite::InferencePlan plan(policy);
-    lite::Floats memory(plan.memory_size);
-    const auto output = plan.run(golden.observation, memory);
-    golden.output.assign(output.begin(), output.end());
+    set_golden_pair(policy);
     return policy_file_contents(policy);
 }
 

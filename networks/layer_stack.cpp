@@ -119,7 +119,10 @@ torch::Tensor LayerStack::operator()(torch::Tensor x) const {
     return x;
 }
 
-torch::Tensor LayerStack::scaled(const torch::Tensor& observation) const {
+torch::Tensor LayerStack::scaled(const torch::Tensor& given) const {
+    // A replay keeps bytes as frames of one row.
+    const bool one_row = input_.size() == 2 && given.dim() == 4 && given.size(2) == 1;
+    const auto observation = one_row ? given.squeeze(2) : given;
     const bool matches =
         observation.dim() == std::ssize(input_) + 1 && observation.sizes().slice(1) == input_;
     if (!matches || observation.scalar_type() != torch::kUInt8) {

@@ -26,8 +26,8 @@ class LayerStack {
     /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened.
     torch::Tensor operator()(torch::Tensor x) const;
 
-    /// [B, input] bytes as numbers from 0 to 1, as these layers want them. Throws std::invalid_argument,
-    /// naming both shapes, for anything else.
+    /// [B, input] bytes as numbers from 0 to 1, as these layers want them; bytes may come as images of one
+    /// row, [B, stack, 1, n]. Throws std::invalid_argument, naming both shapes, for anything else.
     torch::Tensor scaled(const torch::Tensor& observation) const;
 
     std::int64_t features() const { return features_; }  // numbers per observation

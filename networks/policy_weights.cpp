@@ -30,7 +30,8 @@ TensorMap policy_weights(const NetworkSpec& spec, const torch::nn::Module& modul
     for (const auto& [name, shape] : parameter_shapes(spec)) {
         const auto tensor = stored_parameter(parameters, name).detach();
         require_shape("policy_weights", "'" + name + "'", tensor, shape);
-        weights[name] = tensor.to(torch::kCPU, torch::kFloat32).contiguous();
+        weights[name] =
+            tensor.to(torch::kCPU, torch::kFloat32, /*non_blocking=*/false, /*copy=*/true).contiguous();
     }
     return weights;
 }

@@ -8,10 +8,10 @@
 
 namespace cale {
 
-/// Returns the parameters of `spec` by the names of parameter_shapes(), float32 on the CPU: those of `module`
-/// that are called so. Noisy layers are stored as their means, by which they act in evaluation; log standard
-/// deviations that are a sum (LogStd::summed) as that sum. Throws std::invalid_argument that names a
-/// parameter which the module lacks or has in another shape.
+/// Returns the parameters of `spec` by the names of parameter_shapes(), float32 on the CPU in memory of their
+/// own: those of `module` that are called so. Noisy layers are stored as their means, by which they act in
+/// evaluation; log standard deviations that are a sum (LogStd::summed) as that sum. Throws
+/// std::invalid_argument that names a parameter which the module lacks or has in another shape.
 TensorMap policy_weights(const NetworkSpec& spec, const torch::nn::Module& module);
 
 }  // namespace cale

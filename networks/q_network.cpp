@@ -13,7 +13,7 @@ NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& enc
     return {std::move(observation),
             chain({prefixed("encoder.", encoder),
                    prefixed("head.", hidden_layers(1, config.hidden_units, Layer::Kind::relu))}),
-            {Head::Kind::values, config.num_actions, config.dueling, config.num_atoms}};
+            {Head::Kind::values, config.num_actions, config.dueling, config.num_atoms, config.value_limit}};
 }
 
 torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages) {

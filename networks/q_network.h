@@ -24,6 +24,7 @@ struct QHeadConfig {
     bool dueling = false;             // a state's value and the advantages apart
     bool noisy = false;               // noisy layers instead of dense ones
     double initial_sigma = 0.1;       // of noisy layers
+    double value_limit = 10;  // the atoms of a distribution are returns from -value_limit to value_limit
 };
 
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in

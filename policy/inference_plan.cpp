@@ -220,3 +220,15 @@ void InferencePlan::finish(float* memory) const {
 }
 
 }  // namespace cale::lite
+
+namespace cale {
+
+void set_golden_pair(PolicyFile& policy) {
+    policy.golden.observation = golden_observation(policy.info);
+    const lite::InferencePlan plan(policy);
+    lite::Floats memory(plan.memory_size);
+    const auto output = plan.run(policy.golden.observation, memory);
+    policy.golden.output.assign(output.begin(), output.end());
+}
+
+}  // namespace cale

@@ -70,3 +70,10 @@ struct InferencePlan {
 };
 
 }  // namespace cale::lite
+
+namespace cale {
+
+/// Sets the golden pair of a policy: golden_observation() and what its network gives for it.
+void set_golden_pair(PolicyFile& policy);
+
+}  // namespace cale

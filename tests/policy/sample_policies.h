@@ -123,15 +123,6 @@ inline PolicyInfo sample_info(const NetworkSpec& network) {
     return info;
 }
 
-/// The golden pair that this library makes of the policy's weights.
-inline void set_golden(PolicyFile& policy) {
-    policy.golden.observation = golden_observation(policy.info);
-    const lite::InferencePlan plan(policy);
-    std::vector<float> memory(plan.memory_size);
-    const auto output = plan.run(policy.golden.observation, memory);
-    policy.golden.output.assign(output.begin(), output.end());
-}
-
 /// With random weights about as large as an initialiser's.
 inline PolicyFile sample_policy(const NetworkSpec& network, std::uint32_t seed = 1) {
     PolicyFile policy{.info = sample_info(network), .network = network, .weights = {}, .golden = {}};
@@ -144,7 +135,7 @@ inline PolicyFile sample_policy(const NetworkSpec& network, std::uint32_t seed =
         auto& numbers = policy.weights[name];
         for (std::int64_t i = 0; i < count; ++i) numbers.push_back(uniform(random));
     }
-    set_golden(policy);
+    set_golden_pair(policy);
     return policy;
 }
 

@@ -83,7 +83,7 @@ Policy policy_of(const Network& module) {
         file.weights[name].assign(tensor.template const_data_ptr<float>(),
                                   tensor.template const_data_ptr<float>() + tensor.numel());
     }
-    test::set_golden(file);
+    set_golden_pair(file);
     return Policy::parse(policy_file_contents(file));
 }
 
