@@ -13,6 +13,11 @@ void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSp
     spec.frame_width = observations.shape.back();
 }
 
+std::vector<std::int64_t> observation_shape(const AgentSpec& spec) {
+    if (spec.frame_height == 1) return {spec.stack, spec.frame_width};
+    return {spec.stack, spec.frame_height, spec.frame_width};
+}
+
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (spec.num_actions == 0) return;
     throw std::invalid_argument(std::string(who) +

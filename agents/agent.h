@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -11,6 +12,9 @@
 #include <torch/types.h>
 
 #include "agents/time_split.h"
+#include "networks/policy_weights.h"
+#include "networks/tensor_map.h"
+#include "policy/network_spec.h"
 #include "world/spaces.h"
 #include "world/step_result.h"
 
@@ -18,9 +22,6 @@ namespace cale {
 
 class ProcessGroup;
 class ReplayBuffer;
-
-/// Tensors by name.
-using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// The world that an agent is made for.
 ///
@@ -67,6 +68,23 @@ struct StepBatch {
     std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
 };
 
+/// Returns [stack, rows, columns], or [stack, bytes] where an observation is no image.
+std::vector<std::int64_t> observation_shape(const AgentSpec& spec);
+
+/// What is stored of an agent so that others can act as it does in its evaluations: docs/policy_file.md.
+struct AgentPolicy {
+    NetworkSpec network;   // the half that acts
+    TensorMap weights;     // by the names of parameter_shapes(network), float32 on the CPU
+    bool samples = false;  // draws its actions from the policy, instead of taking the best one
+    double epsilon = 0;    // probability of a uniform action
+};
+
+/// Returns that of a network with a member `acting`, such as SacNetwork.
+template <class Network>
+AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {
+    return {network->acting, policy_weights(network->acting, *network), samples, epsilon};
+}
+
 /// With the noise of training, or as evaluations do it.
 enum class ActMode { train, evaluate };
 
@@ -97,6 +115,9 @@ class Agent {
     virtual TensorMap state() = 0;
     /// Throws std::runtime_error, and changes nothing, for the state of another agent or configuration.
     virtual void load_state(const TensorMap& state) = 0;
+    /// Returns the policy as it is now, for the policy file of a checkpoint; none: this agent cannot be
+    /// exported.
+    virtual std::optional<AgentPolicy> policy() const { return std::nullopt; }
     /// The replay that it learns from, whose contents a checkpoint holds beside state(); null where it has
     /// none.
     virtual ReplayBuffer* replay() { return nullptr; }

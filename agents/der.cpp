@@ -100,7 +100,8 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 QHeadConfig head_of(const DerConfig& config) {
     return {.num_atoms = config.distributional ? config.num_atoms : 1,
             .noisy = config.noisy,
-            .initial_sigma = config.noisy_sigma};
+            .initial_sigma = config.noisy_sigma,
+            .value_limit = config.value_limit};
 }
 
 namespace {

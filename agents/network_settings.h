@@ -19,7 +19,7 @@ struct NetworkSettings {
 
     /// The encoder for this world.
     EncoderConfig encoder_for(const AgentSpec& spec) const {
-        return {encoder, phi_dqn, spec.stack, spec.frame_height, spec.frame_width};
+        return {encoder, phi_dqn, observation_shape(spec)};
     }
     /// The actor and every critic.
     HeadConfig head() const { return {hidden_layers, hidden_units}; }
@@ -27,7 +27,8 @@ struct NetworkSettings {
 
 template <class Visit>
 void fields(NetworkSettings& settings, Visit&& visit) {
-    visit("encoder", settings.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("encoder", settings.encoder,
+          "how observations become features: phi_sac, phi_dqn, impala, or mlp, which reads bytes too");
     visit("phi_dqn", settings.phi_dqn,
           "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
     visit("hidden_layers", settings.hidden_layers, Range{0, 16},

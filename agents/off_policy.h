@@ -170,6 +170,7 @@ struct Acting {
 ///     void add_state(StateParts&)
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
 /// and, where it has them,
+///     network->acting                                  the specification that policies are exported by
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]
 ///     double epsilon(double scheduled)                 epsilon in training, if not the scheduled one
@@ -228,6 +229,11 @@ class OffPolicy final : public Agent {
         gradient_step_.forget();
         critics_step_.forget();
     }
+    std::optional<AgentPolicy> policy() const override {
+        if constexpr (requires { algorithm_.network->acting; })
+            return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
+        return std::nullopt;
+    }
     ReplayBuffer* replay() override { return &replay_.buffer(); }
 
   private:
@@ -240,6 +246,13 @@ class OffPolicy final : public Agent {
         return scheduled;
     }
     double epsilon() const { return exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0); }
+
+    double evaluation_epsilon() const {
+        const auto& config = algorithm_.config;
+        if constexpr (requires { config.exploration; })
+            if (config.exploration == Exploration::standard) return 0;
+        return config.epsilon.epsilon_eval;
+    }
 
     bool delays_the_actor() const {
         if constexpr (requires { algorithm_.config.actor_period; }) return algorithm_.config.actor_period > 1;

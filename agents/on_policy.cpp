@@ -162,6 +162,12 @@ class OnPolicy final : public Agent {
         return values;
     }
 
+    std::optional<AgentPolicy> policy() const override {
+        const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
+        return policy_of_network(state_.network, /*samples=*/true,
+                                 uniform ? settings_.epsilon.epsilon_eval : 0);
+    }
+
     TensorMap state() override {
         auto state = saved(parts());
         add_part(state, "rollout/", joined_rollouts(processes_.gather(rollout_->state())));

@@ -13,12 +13,10 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
     head.num_actions = spec.num_actions;
     head.hidden_units = settings.hidden_units;
     head.dueling = settings.dueling;
-    return QNetwork(EncoderConfig{.encoder = settings.encoder,
-                                  .stack = spec.stack,
-                                  .frame_height = spec.frame_height,
-                                  .frame_width = spec.frame_width,
-                                  .padding = settings.padding},
-                    head, generator);
+    return QNetwork(
+        EncoderConfig{
+            .encoder = settings.encoder, .observation = observation_shape(spec), .padding = settings.padding},
+        head, generator);
 }
 
 namespace {

@@ -30,7 +30,8 @@ struct QSettings {
 
 template <class Visit>
 void fields(QSettings& settings, Visit&& visit) {
-    visit("encoder", settings.encoder, "how frames become features: phi_sac, phi_dqn or impala");
+    visit("encoder", settings.encoder,
+          "how observations become features: phi_sac, phi_dqn, impala, or mlp, which reads bytes too");
     visit("padding", settings.padding,
           "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");

@@ -9,54 +9,57 @@
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
 
+#include "policy/encoder_layers.h"
+#include "policy/inference_plan.h"
 #include "policy/policy_file.h"
 #include "policy/policy_lite.h"
-#include "policy/program.h"
 #include "policy/torch/policy.h"
 
 namespace {
 
 using namespace cale;
-using Encoder = PolicyNetwork::Encoder;
 
 /// SAC's network with random weights; DQN's where the encoder is phi_dqn.
-std::string policy_contents(Encoder encoder) {
+std::string policy_contents(const std::string& encoder) {
     PolicyFile policy;
-    auto& [info, network, weights, golden] = policy;
-    network.encoder = encoder;
+    auto& info = policy.info;
+    auto& network = policy.network;
     info.action_space = "continuous";
-    if (encoder == Encoder::phi_dqn) {
-        network.branch = PolicyNetwork::Branch::none;
-        network.head = PolicyNetwork::Head::values;
-        network.num_actions = 4;
+    const auto hidden = hidden_layers(1, 512, Layer::Kind::relu);
+    if (encoder == "phi_dqn") {
+        network.layers = chain({prefixed("encoder.", phi_dqn()), prefixed("head.", hidden)});
+        network.head = {.kind = Head::Kind::values, .num_actions = 4};
         info.action_space = "minimal";
         info.actions = {Event::noop, Event::fire, Event::right, Event::left};
+    } else {
+        const bool sac = encoder == "phi_sac";
+        network.layers =
+            chain({prefixed("encoder.", sac ? phi_sac() : impala()),
+                   prefixed("encoder.", sac ? tanh_branch("actor") : relu_branch("actor", false)),
+                   prefixed("actor.", hidden)});
     }
     std::mt19937 random(1);
-    for (const auto& [name, type, shape] : parameters_of(network)) {
+    for (const auto& [name, shape] : parameter_shapes(network)) {
         std::size_t count = 1;
         for (const auto size : shape) count *= static_cast<std::size_t>(size);
         const float bound =
             1.7f / std::sqrt(static_cast<float>(count / static_cast<std::size_t>(shape.front())));
         std::uniform_real_distribution<float> uniform(-bound, bound);
-        weights[name].resize(count);
-        for (auto& number : weights[name]) number = uniform(random);
+        auto& weights = policy.weights[name];
+        weights.resize(count);
+        for (auto& number : weights) number = uniform(random);
     }
-    golden.observation = golden_observation(info);
-    const lite::Program program(policy);
-    lite::Floats memory(program.memory_size);
-    const auto output = program.run(golden.observation, memory);
-    golden.output.assign(output.begin(), output.end());
+    set_golden_pair(policy);
     return policy_file_contents(policy);
 }
 
-void libtorch(benchmark::State& state, Encoder encoder) {
+void libtorch(benchmark::State& state, const std::string& encoder) {
     const auto policy = Policy::parse(policy_contents(encoder));
     const auto observation = golden_observation(policy.info());
     for (auto _ : state) benchmark::DoNotOptimize(policy.act(observation));
 }
 
-void lite_policy(benchmark::State& state, Encoder encoder) {
+void lite_policy(benchmark::State& state, const std::string& encoder) {
     const auto policy = lite::Policy::parse(policy_contents(encoder));
     auto workspace = policy.workspace();
     const auto observation = golden_observation(policy.info());
@@ -68,11 +71,9 @@ void lite_policy(benchmark::State& state, Encoder encoder) {
 
 int main(int argc, char** argv) {
     at::set_num_threads(1);
-    for (const auto& [name, encoder] : {std::pair{"phi_sac", Encoder::phi_sac},
-                                        {"phi_dqn", Encoder::phi_dqn},
-                                        {"impala", Encoder::impala}}) {
-        const auto add = [&, encoder = encoder](const char* who, auto function) {
-            benchmark::RegisterBenchmark((std::string(name) + "/" + who).c_str(), function, encoder)
+    for (const std::string encoder : {"phi_sac", "phi_dqn", "impala"}) {
+        const auto add = [&](const char* who, auto function) {
+            benchmark::RegisterBenchmark((encoder + "/" + who).c_str(), function, encoder)
                 ->Unit(benchmark::kMillisecond)
                 ->UseRealTime();
         };

@@ -6,10 +6,23 @@
 #include <torch/types.h>
 
 namespace cale {
+namespace {
+
+/// The actor on its branch of the encoder.
+NetworkSpec acting_half(const EncoderConfig& config, const TwoBranchEncoder& encoder,
+                        const HeadConfig& hidden, const Head& head) {
+    return {config.observation,
+            chain({prefixed("encoder.", encoder->actor_layers), prefixed("actor.", hidden_layers(hidden))}),
+            head};
+}
+
+}  // namespace
 
 SacNetworkImpl::SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
                                at::Generator generator)
-    : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))), box(joystick_box()) {
+    : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
+      box(joystick_box()),
+      acting(acting_half(encoder_config, encoder, head_config, {Head::Kind::squashed_gaussian})) {
     const auto axes = box.centre.size(0);
     actor = register_module("actor", Mlp(encoder->size(), 2 * axes, head_config, generator));
     critic = register_module("critic", TwinCritic(encoder->size() + axes, 1, head_config, generator));
@@ -30,7 +43,8 @@ SacdNetworkImpl::SacdNetworkImpl(const EncoderConfig& encoder_config, const Head
                                  std::int64_t num_actions, at::Generator generator)
     : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
       actor(register_module("actor", Mlp(encoder->size(), num_actions, head_config, generator))),
-      critic(register_module("critic", TwinCritic(encoder->size(), num_actions, head_config, generator))) {}
+      critic(register_module("critic", TwinCritic(encoder->size(), num_actions, head_config, generator))),
+      acting(acting_half(encoder_config, encoder, head_config, {Head::Kind::categorical, num_actions})) {}
 
 torch::Tensor SacdNetworkImpl::log_policy(const torch::Tensor& features) {
     return actor(encoder->actor_branch(features)).log_softmax(1);

@@ -29,6 +29,7 @@ class SacNetworkImpl : public torch::nn::Module {
     Mlp actor{nullptr};                 // actor.*: means and log standard deviations [B, 6]
     TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
     ActionBox box;                      // beside the parameters, as buffers
+    NetworkSpec acting;                 // the half that acts
 };
 using SacNetwork = torch::nn::ModuleHolder<SacNetworkImpl>;
 
@@ -44,6 +45,7 @@ class SacdNetworkImpl : public torch::nn::Module {
     TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
     Mlp actor{nullptr};                 // actor.*: logits [B, A]
     TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
+    NetworkSpec acting;                 // the half that acts
 };
 using SacdNetwork = torch::nn::ModuleHolder<SacdNetworkImpl>;
 

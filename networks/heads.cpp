@@ -11,13 +11,15 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
+#include "policy/encoder_layers.h"
+
 namespace cale {
 
 namespace {
 
 /// fc1, fc2, ... of `owner`, the first of them on `in` features.
-std::vector<Dense> hidden_layers(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
-                                 const at::Generator& generator) {
+std::vector<Dense> make_hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
+                               const at::Generator& generator) {
     if (config.hidden_layers < 0 || config.hidden_units < 1) {
         throw std::invalid_argument("a head has 0 or more hidden_layers of 1 or more hidden_units, not " +
                                     std::to_string(config.hidden_layers) + " of " +
@@ -36,16 +38,20 @@ std::int64_t width_behind(std::int64_t in, const HeadConfig& config) {
     return config.hidden_layers > 0 ? config.hidden_units : in;
 }
 
-torch::Tensor through(std::vector<Dense>& layers, Activation activation, torch::Tensor x) {
-    for (auto& layer : layers) x = activation == Activation::relu ? layer(x).relu_() : layer(x).tanh_();
+torch::Tensor through(std::vector<Dense>& layers, Layer::Kind activation, torch::Tensor x) {
+    for (auto& layer : layers) x = activation == Layer::Kind::relu ? layer(x).relu_() : layer(x).tanh_();
     return x;
 }
 
 }  // namespace
 
+Layers hidden_layers(const HeadConfig& config) {
+    return hidden_layers(config.hidden_layers, config.hidden_units, config.activation);
+}
+
 MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator)
     : activation_(config.activation),
-      hidden_(hidden_layers(*this, in, config, generator)),
+      hidden_(make_hidden(*this, in, config, generator)),
       out_(register_module("out", Dense(width_behind(in, config), out, config.initialise_out, generator))) {}
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
@@ -60,7 +66,7 @@ std::span<const std::string_view> names_of(LogStd) {
 GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config,
                                      LogStd log_std, at::Generator generator)
     : activation_(config.activation),
-      hidden_(hidden_layers(*this, in, config, generator)),
+      hidden_(make_hidden(*this, in, config, generator)),
       mean_(register_module("mean",
                             Dense(width_behind(in, config), action_size, config.initialise_out, generator))) {
     if (log_std == LogStd::summed) {
@@ -95,9 +101,14 @@ TwinValues TwinCriticImpl::forward(const torch::Tensor& x) {
 }
 
 ActionBox joystick_box() {
-    constexpr double pi = std::numbers::pi;
-    return {torch::tensor({0.5f, 0.0f, 0.5f}), torch::tensor({0.5f, static_cast<float>(pi), 0.5f}),
-            std::log(0.5) + std::log(pi) + std::log(0.5)};
+    ActionBox box{torch::empty({kStickSize}), torch::empty({kStickSize})};
+    for (std::size_t i = 0; i < kStick.size(); ++i) {
+        const auto axis = static_cast<std::int64_t>(i);
+        box.centre[axis] = kStick[i].centre;
+        box.half_width[axis] = kStick[i].half_width;
+        box.log_half_widths += std::log(kStick[i].half_width);
+    }
+    return box;
 }
 
 SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output) {

@@ -12,20 +12,21 @@
 #include <torch/types.h>
 
 #include "networks/layers.h"
+#include "policy/network_spec.h"
 
 namespace cale {
-
-/// What follows a hidden layer.
-enum class Activation { relu, tanh };
 
 /// A multilayer perceptron but for its inputs and outputs.
 struct HeadConfig {
     std::int64_t hidden_layers = 1;                 // 0: the output layer alone
     std::int64_t hidden_units = 512;                // of each hidden layer
-    Activation activation = Activation::relu;       // of the hidden layers
+    Layer::Kind activation = Layer::Kind::relu;     // of the hidden layers: relu or tanh
     Initialiser initialise = glorot_uniform();      // of the hidden layers
     Initialiser initialise_out = glorot_uniform();  // of the last one
 };
+
+/// Returns fc1, fc2, ..., each with its activation.
+Layers hidden_layers(const HeadConfig& config);
 
 /// fc1, fc2, ..., each with its activation, then out.
 class MlpImpl : public torch::nn::Module {
@@ -35,7 +36,7 @@ class MlpImpl : public torch::nn::Module {
     torch::Tensor forward(torch::Tensor x);
 
   private:
-    Activation activation_;
+    Layer::Kind activation_;
     std::vector<Dense> hidden_;
     Dense out_{nullptr};
 };
@@ -98,7 +99,7 @@ class GaussianActorImpl : public torch::nn::Module {
     SquashedGaussian forward(torch::Tensor x);
 
   private:
-    Activation activation_;
+    Layer::Kind activation_;
     std::vector<Dense> hidden_;
     Dense mean_{nullptr}, summed_log_std_{nullptr};
     torch::Tensor direct_log_std_;

@@ -1,8 +1,8 @@
 #include "networks/layers.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <utility>
 
 #include <torch/types.h>
 #include <torch/utils.h>
@@ -85,18 +85,6 @@ torch::Tensor NoisyDenseImpl::forward(const torch::Tensor& x, const FactorisedNo
     // The same as multiplying by W, without ever writing W down: it is as large as the layer.
     const auto perturbed = affine(x * f(noise->input), weight_sigma, bias_sigma);
     return affine(x, weight_mu, bias_mu) + perturbed * f(noise->output);
-}
-
-std::span<const std::string_view> names_of(Padding) {
-    static constexpr std::array<std::string_view, 2> names{"same", "valid"};
-    return names;
-}
-
-std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64_t kernel,
-                                                   std::int64_t stride) {
-    const auto positions = (size + stride - 1) / stride;
-    const auto total = std::max<std::int64_t>((positions - 1) * stride + kernel - size, 0);
-    return {total / 2, total - total / 2};
 }
 
 ConvImpl::ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t stride,

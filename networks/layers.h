@@ -4,14 +4,13 @@
 
 #include <cstdint>
 #include <functional>
-#include <span>
-#include <string_view>
-#include <utility>
 
 #include <ATen/core/Generator.h>
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
+
+#include "policy/network_spec.h"
 
 namespace cale {
 
@@ -62,16 +61,6 @@ class NoisyDenseImpl : public torch::nn::Module {
     torch::Tensor bias_mu, bias_sigma;      // [out]
 };
 using NoisyDense = torch::nn::ModuleHolder<NoisyDenseImpl>;
-
-/// Zeros (before, after) an axis that make a convolution return ceil(size / stride)
-/// positions. An odd total puts the extra zero after, as JAX's and TensorFlow's "SAME" do.
-std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64_t kernel,
-                                                   std::int64_t stride);
-
-/// same: ceil(size / stride) positions. valid: no zeros are added.
-enum class Padding { same, valid };
-/// As settings are written.
-std::span<const std::string_view> names_of(Padding);
 
 /// A square convolution. weight [out, in, kernel, kernel], bias [out], zero at first.
 class ConvImpl : public torch::nn::Module {

@@ -33,7 +33,7 @@ PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_
         shared_ = register_module("encoder", SharedEncoder(encoder, features, hidden, generator));
     }
     const auto head = [&](double gain) {
-        return HeadConfig{config.hidden_layers, config.hidden_units, Activation::tanh, hidden,
+        return HeadConfig{config.hidden_layers, config.hidden_units, Layer::Kind::tanh, hidden,
                           orthogonal(gain)};
     };
     if (num_actions == 0) {
@@ -45,6 +45,10 @@ PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_
     critic_ = register_module("critic", Mlp(features, 1, head(1), generator));
     register_buffer("box_centre", box.centre);
     register_buffer("box_half_width", box.half_width);
+    acting = {encoder.observation,
+              chain({prefixed("encoder.", two_branch_ ? two_branch_->actor_layers : shared_->layers),
+                     prefixed("actor.", hidden_layers(head(1)))}),
+              {num_actions == 0 ? Head::Kind::gaussian : Head::Kind::categorical, num_actions}};
 }
 
 PpoNetworkImpl::Output PpoNetworkImpl::forward(const torch::Tensor& observation) {

@@ -50,7 +50,8 @@ class PpoNetworkImpl : public torch::nn::Module {
     /// [B, stack, H, W] uint8
     Output forward(const torch::Tensor& observation);
 
-    ActionBox box;  // beside the parameters, as buffers
+    ActionBox box;       // beside the parameters, as buffers
+    NetworkSpec acting;  // the half that acts
 
   private:
     TwoBranchEncoder two_branch_{nullptr};

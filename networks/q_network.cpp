@@ -8,6 +8,18 @@
 
 namespace cale {
 
+NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& encoder,
+                        const QHeadConfig& config) {
+    return {std::move(observation),
+            chain({prefixed("encoder.", encoder),
+                   prefixed("head.", hidden_layers(1, config.hidden_units, Layer::Kind::relu))}),
+            {Head::Kind::values, config.num_actions, config.dueling, config.num_atoms, config.value_limit}};
+}
+
+torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages) {
+    return value + advantages - advantages.mean(1, /*keepdim=*/true);
+}
+
 QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator)
     : config_(config), in_(in) {
     if (config.num_actions < 1 || config.hidden_units < 1 || config.num_atoms < 1) {
@@ -43,7 +55,7 @@ torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* no
         out_(x, noise ? &noise->out : nullptr).reshape({-1, config_.num_actions, config_.num_atoms});
     if (!config_.dueling) return out;
     const auto value = value_(x, noise ? &noise->value : nullptr).unsqueeze(1);
-    return value + out - out.mean(1, /*keepdim=*/true);
+    return dueling_values(value, out);
 }
 
 QNoise QHeadImpl::draw_noise(at::Generator generator, std::int64_t rows) const {
@@ -61,7 +73,8 @@ QNoise QHeadImpl::draw_noise(at::Generator generator, std::int64_t rows) const {
 QNetworkImpl::QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
                            at::Generator generator)
     : encoder(register_module("encoder", ConvEncoder(encoder_config, generator))),
-      head(register_module("head", QHead(encoder->size(), head_config, generator))) {}
+      head(register_module("head", QHead(encoder->size(), head_config, generator))),
+      acting(values_spec(encoder_config.observation, trunk_layers(encoder_config), head_config)) {}
 
 torch::Tensor QNetworkImpl::forward(const torch::Tensor& observation, const QNoise* noise) {
     return head(encoder(observation), noise);

@@ -24,6 +24,7 @@ struct QHeadConfig {
     bool dueling = false;             // a state's value and the advantages apart
     bool noisy = false;               // noisy layers instead of dense ones
     double initial_sigma = 0.1;       // of noisy layers
+    double value_limit = 10;  // the atoms of a distribution are returns from -value_limit to value_limit
 };
 
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
@@ -31,6 +32,14 @@ struct QHeadConfig {
 struct QNoise {
     FactorisedNoise hidden, out, value;  // value: only where dueling
 };
+
+/// Returns what a network of this encoder and this head is made of.
+NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& encoder,
+                        const QHeadConfig& config);
+
+/// Returns value + advantages - their mean over the actions: [B, 1, atoms] and [B, A, atoms] -> [B, A, atoms]
+/// (Wang et al. 2016, equation 9).
+torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages);
 
 /// fc1 with ReLU, then `out` [A x atoms], or `adv` [A x atoms] and `value` [atoms] where dueling:
 /// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy.
@@ -72,6 +81,7 @@ class QNetworkImpl : public torch::nn::Module {
 
     ConvEncoder encoder{nullptr};  // parameters encoder.*
     QHead head{nullptr};           // parameters head.*
+    NetworkSpec acting;            // as evaluations act: without noise
 };
 using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
 

@@ -6,13 +6,15 @@
 #include <stdexcept>
 #include <utility>
 
+#include "policy/json.h"
+#include "policy/network_text.h"
 #include "policy/policy_texts.h"
 
 namespace cale {
 namespace {
 
 constexpr std::string_view kFormat = "cale_policy";
-constexpr std::string_view kVersion = "1";
+constexpr std::string_view kVersion = "2";  // what is written; version 1 is read too
 constexpr std::string_view kChecksum = "checksum";
 constexpr std::string_view kGoldenObservation = "golden.observation";
 constexpr std::string_view kGoldenOutput = "golden.output";
@@ -69,6 +71,13 @@ namespace {
 
 // Reading -----------------------------------------------------------------------------
 
+/// The parameters as they are stored.
+std::vector<NamedShape> stored_parameters(const NetworkSpec& network) {
+    std::vector<NamedShape> stored;
+    for (auto& [name, shape] : parameter_shapes(network)) stored.push_back({name, ElementType::f32, shape});
+    return stored;
+}
+
 std::vector<float> numbers_of(const StoredTensors& stored, const NamedShape& expected) {
     const auto found = stored.tensors.find(expected.name);
     if (found == stored.tensors.end()) throw FileDamage({"tensor '", expected.name, "' is missing"});
@@ -91,7 +100,7 @@ GoldenPair golden_pair(const StoredTensors& stored, const PolicyFile& policy) {
     GoldenPair golden;
     const auto& network = policy.network;
     golden.output =
-        numbers_of(stored, {std::string(kGoldenOutput), ElementType::f32, {output_size(network)}});
+        numbers_of(stored, {std::string(kGoldenOutput), ElementType::f32, {output_size(network.head)}});
     const auto found = stored.tensors.find(std::string(kGoldenObservation));
     if (found == stored.tensors.end() || found->second.type != ElementType::u8 ||
         found->second.bytes.size() != policy.info.observation_size()) {
@@ -118,19 +127,20 @@ PolicyFile parse_policy_file(std::string_view contents) {
     Texts texts = stored.metadata;
     if (!texts.contains(std::string(kFormat)))
         throw FileDamage("it is a safetensors file, but not a policy that cale export made");
-    if (const auto version = take_text(texts, kFormat); version != kVersion) {
-        throw FileDamage(
-            {"its format is version ", in_quotes(version), ", this program reads version ", kVersion});
+    const auto version = take_text(texts, kFormat);
+    if (version != "1" && version != kVersion) {
+        throw FileDamage({"its format is version ", in_quotes(version),
+                          ", this program reads version 1 and version ", kVersion});
     }
     if (take_text(texts, kChecksum) != policy_checksum(stored.metadata, stored.tensors))
         throw FileDamage("its checksum is not that of its contents: it was damaged or changed");
 
     PolicyFile policy;
     auto& [info, network, weights, golden] = policy;
-    read_texts(texts, info, network);
+    read_texts(texts, version == kVersion ? 2 : 1, info, network);
     info.provenance = std::move(texts);
 
-    const auto parameters = parameters_of(network);
+    const auto parameters = stored_parameters(network);
     check_names(stored, parameters);
     for (const auto& parameter : parameters) weights[parameter.name] = numbers_of(stored, parameter);
     golden = golden_pair(stored, policy);
@@ -155,13 +165,12 @@ std::string policy_file_contents(const PolicyFile& policy) {
     };
     const auto& network = policy.network;
     std::map<std::string, StoredTensor> tensors;
-    for (const auto& parameter : parameters_of(network))
+    for (const auto& parameter : stored_parameters(network))
         tensors[parameter.name] = {parameter.type, parameter.shape, bytes(policy.weights.at(parameter.name))};
-    tensors[std::string(kGoldenObservation)] = {ElementType::u8,
-                                                {network.stack, network.frame_height, network.frame_width},
+    tensors[std::string(kGoldenObservation)] = {ElementType::u8, network.observation,
                                                 bytes(policy.golden.observation)};
     tensors[std::string(kGoldenOutput)] = {
-        ElementType::f32, {output_size(network)}, bytes(policy.golden.output)};
+        ElementType::f32, {output_size(network.head)}, bytes(policy.golden.output)};
     texts[std::string(kChecksum)] = policy_checksum(texts, tensors);
 
     // The bytes last: then every number lies at a multiple of its size.
@@ -191,8 +200,8 @@ void check_golden(std::span<const float> output, std::span<const float> golden, 
         // Written so that NaN, which compares false to everything, is refused too.
         if (std::abs(output[i] - golden[i]) <= tolerance * static_cast<double>(largest)) continue;
         throw FileDamage({"its network does not give the golden output for the golden observation: ",
-                          text_of(static_cast<double>(output[i])), " where ",
-                          text_of(static_cast<double>(golden[i])), " was expected"});
+                          number_text(static_cast<double>(output[i])), " where ",
+                          number_text(static_cast<double>(golden[i])), " was expected"});
     }
 }
 

@@ -9,8 +9,9 @@
 #include <string_view>
 #include <vector>
 
-#include "policy/network.h"
+#include "policy/network_spec.h"
 #include "policy/policy_info.h"
+#include "policy/stored_tensors.h"
 
 namespace cale {
 
@@ -22,8 +23,8 @@ struct GoldenPair {
 
 struct PolicyFile {
     PolicyInfo info;
-    PolicyNetwork network;
-    /// The network's parameters: parameters_of(network), no more and no less. Every number is finite.
+    NetworkSpec network;
+    /// The network's parameters: parameter_shapes(network), no more and no less. Every number is finite.
     std::map<std::string, std::vector<float>> weights;
     GoldenPair golden;
 };
@@ -44,8 +45,8 @@ std::map<std::string, std::string> policy_file_texts(const PolicyFile& policy);
 std::string policy_checksum(const std::map<std::string, std::string>& metadata,
                             const std::map<std::string, StoredTensor>& tensors);
 
-/// An observation that looks like nothing, the same everywhere: the upper bytes of x, x' = 1664525 x +
-/// 1013904223 modulo 2^32 (Knuth's linear congruential generator) from x = 1.
+/// A deterministic pseudo-random observation: the upper bytes of x, x' = 1664525 x + 1013904223 modulo 2^32
+/// (Knuth's linear congruential generator) from x = 1.
 std::vector<std::uint8_t> golden_observation(const PolicyInfo& info);
 
 /// Throws FileDamage unless each number of `output` is the golden one within `tolerance` x max(1, the largest

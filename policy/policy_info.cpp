@@ -4,6 +4,12 @@
 
 namespace cale {
 
+void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
+    info.stack = shape.front();
+    info.frame_height = shape.size() == 3 ? shape[1] : 1;
+    info.frame_width = shape.back();
+}
+
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {
     return {.stick = stick,
             .event = joystick_event(stick, static_cast<float>(info.threshold), info.event_map),

@@ -15,8 +15,8 @@ namespace cale {
 /// All but the weights. The texts of docs/policy_file.md say how it is stored.
 struct PolicyInfo {
     std::string game;          // "Breakout", as in "ALE/Breakout-v5"
-    std::string agent;         // the algorithm: "sac", "sacd", "ppo", "dqn", "der"
-    std::string encoder;       // "phi_sac", "phi_dqn" or "impala"
+    std::string agent;         // the algorithm: "sac", "sacd", "ppo", "dqn", "der", or an agent of one's own
+    std::string encoder;       // agent.encoder, such as "phi_sac"; empty where the agent has no such setting
     std::string action_space;  // "continuous", "minimal" or "full", as env.action_space
 
     /// What action number i presses; empty: the continuous joystick.
@@ -27,7 +27,8 @@ struct PolicyInfo {
     /// Whether r scales how far a paddle moves (env.paddle_strength: radius).
     bool radius_is_strength = false;
 
-    /// An observation: the last `stack` frames, newest last, of frame_height x frame_width bytes.
+    /// An observation: the last `stack` frames, newest last, of frame_height x frame_width bytes. Where it is
+    /// the console's memory and no frame, frame_height is 1.
     std::int64_t stack = 4;
     std::int64_t frame_height = 84;  // rows
     std::int64_t frame_width = 84;   // columns
@@ -52,6 +53,9 @@ struct PolicyInfo {
         return static_cast<std::size_t>(stack * frame_height * frame_width);
     }
 };
+
+/// Sets what `info` says of an observation [stack, rows, columns] or [stack, bytes].
+void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
 
 /// How an action is chosen.
 ///   greedy        the mean action of a Gaussian, the likeliest or most valuable of a set

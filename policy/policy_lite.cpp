@@ -1,21 +1,27 @@
 #include "policy/policy_lite.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 
+#include "policy/inference_plan.h"
 #include "policy/kernels.h"
-#include "policy/program.h"
 
 namespace cale::lite {
 namespace {
 
-constexpr float kPi = std::numbers::pi_v<float>;
+/// The joystick at x, each coordinate from -1 to 1.
+ContinuousAction in_box(const std::array<float, 3>& x) {
+    const auto at = [&](std::size_t i) {
+        return static_cast<float>(kStick[i].centre) + static_cast<float>(kStick[i].half_width) * x[i];
+    };
+    return {at(0), at(1), at(2)};
+}
 
-/// The joystick for u, each coordinate any number: the middle of its interval is at 0.
+/// The joystick for u, each coordinate any number.
 ContinuousAction squashed(const std::array<float, 3>& u) {
-    return {0.5f + 0.5f * std::tanh(u[0]), kPi * std::tanh(u[1]), 0.5f + 0.5f * std::tanh(u[2])};
+    return in_box({std::tanh(u[0]), std::tanh(u[1]), std::tanh(u[2])});
 }
 
 float uniform(std::mt19937_64& random) {
@@ -46,8 +52,9 @@ Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt1
 
 Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
     if (info.actions.empty()) {
-        const float radius = uniform(random), theta = kPi * (2 * uniform(random) - 1);
-        return decision(info, ContinuousAction{radius, theta, uniform(random)});
+        std::array<float, 3> x{};
+        for (float& coordinate : x) coordinate = 2 * uniform(random) - 1;
+        return decision(info, in_box(x));
     }
     return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
 }
@@ -61,7 +68,7 @@ Policy Policy::load(const std::filesystem::path& file) {
 Policy Policy::parse(std::string_view contents, const std::string& name) {
     try {
         const auto file = parse_policy_file(contents);
-        Policy policy(std::make_shared<const Program>(file));
+        Policy policy(std::make_shared<const InferencePlan>(file));
         auto workspace = policy.workspace();
         check_golden(policy.output(file.golden.observation, workspace), file.golden.output, kGoldenTolerance);
         return policy;
@@ -71,28 +78,28 @@ Policy Policy::parse(std::string_view contents, const std::string& name) {
 }
 
 const PolicyInfo& Policy::info() const {
-    return program_->info;
+    return plan_->info;
 }
 
 std::size_t Policy::output_size() const {
-    return static_cast<std::size_t>(cale::output_size(program_->network));
+    return static_cast<std::size_t>(cale::output_size(plan_->head));
 }
 
 Workspace Policy::workspace() const {
     Workspace workspace;
-    workspace.program_ = program_.get();
-    workspace.numbers_.resize(program_->memory_size);
+    workspace.plan_ = plan_.get();
+    workspace.numbers_.resize(plan_->memory_size);
     return workspace;
 }
 
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
-    if (workspace.program_ != program_.get())
+    if (workspace.plan_ != plan_.get())
         throw std::invalid_argument("this workspace was made by another policy");
     if (observation.size() != info().observation_size()) {
         throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
                                     " bytes: it must have " + std::to_string(info().observation_size()));
     }
-    return program_->run(observation, workspace.numbers_);
+    return plan_->run(observation, workspace.numbers_);
 }
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace) const {
@@ -107,7 +114,7 @@ Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& works
         return uniform_decision(info(), random);
     const bool samples = choice == Choice::sampled || (evaluated && info().evaluation_samples);
     // Action values are no distribution.
-    const bool has_distribution = program_->network.head != PolicyNetwork::Head::values;
+    const bool has_distribution = plan_->head.kind != Head::Kind::values;
     return samples && has_distribution ? sampled(info(), numbers, random) : greedy(info(), numbers);
 }
 

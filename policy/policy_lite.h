@@ -5,9 +5,9 @@
 //     auto workspace = policy.workspace();
 //     const cale::Decision decision = policy.act(observation, workspace);
 //
-// cale/policy.h has the same with LibTorch. The numbers of both agree within 1e-4 of the largest of them
-// (both round their sums in their own order), so the actions do wherever two actions are not that close to
-// equal.
+// policy/torch/policy.h has the same with LibTorch. The numbers of both agree within 1e-4 of the largest of
+// them (both round their sums in their own order), so the actions do wherever two actions are not that close
+// to equal.
 #pragma once
 
 #include <cstddef>
@@ -25,13 +25,13 @@
 
 namespace cale::lite {
 
-struct Program;  // the network as this library computes it
+struct InferencePlan;  // the network as this library computes it
 
 /// Memory for the numbers inside a network, one per thread. Made by Policy::workspace(), for that policy.
 class Workspace {
   private:
     friend class Policy;
-    const Program* program_ = nullptr;
+    const InferencePlan* plan_ = nullptr;
     Floats numbers_;
 };
 
@@ -72,8 +72,8 @@ class Policy {
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
 
   private:
-    explicit Policy(std::shared_ptr<const Program> program) : program_(std::move(program)) {}
-    std::shared_ptr<const Program> program_;
+    explicit Policy(std::shared_ptr<const InferencePlan> plan) : plan_(std::move(plan)) {}
+    std::shared_ptr<const InferencePlan> plan_;
 };
 
 /// The instruction set that this library computes with on this machine: "avx512", "avx2" or "portable".

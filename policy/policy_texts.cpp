@@ -2,25 +2,65 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "cale/text.h"
+#include "policy/json.h"
+#include "policy/network_text.h"
+#include "policy/version_1.h"
 
 namespace cale {
+namespace {
 
-std::string text_of(double value) {
-    std::array<char, 64> text{};
-    const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-    return {text.data(), end};
+constexpr const char* kNetwork = "network";
+
+[[noreturn]] void refuse(std::string_view key, const std::string& text, const std::string& allowed) {
+    throw FileDamage({"its metadata '", key, "' is ", in_quotes(text), ": it must be ", allowed});
 }
+
+/// Takes a number from `low` to `high`, of which `what` says of what kind.
+template <class Number>
+Number take_number(Texts& texts, std::string_view key, Number low, Number high, std::string_view what) {
+    const auto text = take_text(texts, key);
+    const auto number = number_in<Number>(text);
+    // Written so that NaN, which compares false to everything, is refused too.
+    if (!number || !(*number >= low && *number <= high)) {
+        refuse(key, text,
+               joined({what, " from ", number_text(static_cast<double>(low)), " to ",
+                       number_text(static_cast<double>(high))}));
+    }
+    return *number;
+}
+
+}  // namespace
 
 std::string take_text(Texts& texts, std::string_view key) {
     auto node = texts.extract(std::string(key));
     if (node.empty()) throw FileDamage({"its metadata '", key, "' is missing"});
     return std::move(node.mapped());
+}
+
+std::string take_choice(Texts& texts, std::string_view key, std::span<const std::string_view> allowed) {
+    auto text = take_text(texts, key);
+    if (std::ranges::find(allowed, text) != allowed.end()) return text;
+    std::string names;
+    for (const auto name : allowed) names = joined({names, names.empty() ? "one of " : ", ", name});
+    refuse(key, text, names);
+}
+
+bool take_truth(Texts& texts, std::string_view key) {
+    const auto text = take_text(texts, key);
+    if (text != "true" && text != "false") refuse(key, text, "true or false");
+    return text == "true";
+}
+
+std::int64_t take_whole(Texts& texts, std::string_view key, std::int64_t low, std::int64_t high) {
+    return take_number(texts, key, low, high, "a whole number");
+}
+
+double take_real(Texts& texts, std::string_view key, double low, double high) {
+    return take_number(texts, key, low, high, "a number");
 }
 
 namespace {
@@ -31,41 +71,27 @@ std::string list_of(const std::vector<Event>& actions) {
     return text;
 }
 
+Event event_called(const std::string& name, const std::string& text) {
+    for (int i = 0; i < kEventCount; ++i)
+        if (name == event_name(static_cast<Event>(i))) return static_cast<Event>(i);
+    refuse("actions", text, "joystick events by their names, with spaces between");
+}
+
 /// Visits every member that has a text of its own: one table for writing and for reading.
-template <class Info, class Network, class Visit>
-void describe(Info& info, Network& network, Visit&& visit) {
+template <class Info, class Visit>
+void describe(Info& info, Visit&& visit) {
     visit("game", info.game);
     visit("agent", info.agent);
+    visit("encoder", info.encoder);
     visit("action_space", info.action_space);
     visit("actions", info.actions);
-    visit("threshold", info.threshold, 0.0, 1.0);
-    visit("event_map", info.event_map, names_of(EventMap{}));
+    visit("threshold", info.threshold);
+    visit("event_map", info.event_map);
     visit("paddle_radius", info.radius_is_strength);
-    visit("stack", network.stack, 1, 64);
-    visit("frame_height", network.frame_height, 1, 512);
-    visit("frame_width", network.frame_width, 1, 512);
-    visit("frame_skip", info.frame_skip, 1, 64);
+    visit("frame_skip", info.frame_skip);
     visit("life_loss_ends_episode", info.life_loss_ends_episode);
     visit("evaluation_samples", info.evaluation_samples);
-    visit("epsilon", info.epsilon, 0.0, 1.0);
-    static constexpr std::array<std::string_view, 3> encoders{"phi_sac", "phi_dqn", "impala"};
-    visit("encoder", network.encoder, encoders);
-    static constexpr std::array<std::string_view, 2> rows{"conv2d", "row1d"};
-    visit("phi_dqn", network.phi_dqn, rows);
-    static constexpr std::array<std::string_view, 2> paddings{"same", "valid"};
-    visit("padding", network.padding, paddings);
-    static constexpr std::array<std::string_view, 3> branches{"none", "actor", "shared"};
-    visit("branch", network.branch, branches);
-    visit("hidden_layers", network.hidden_layers, 0, 16);
-    visit("hidden_units", network.hidden_units, 1, 65'536);
-    static constexpr std::array<std::string_view, 2> activations{"relu", "tanh"};
-    visit("activation", network.activation, activations);
-    static constexpr std::array<std::string_view, 4> heads{"squashed_gaussian", "gaussian", "categorical",
-                                                           "values"};
-    visit("head", network.head, heads);
-    visit("dueling", network.dueling);
-    visit("num_atoms", network.num_atoms, 1, 10'000);
-    visit("value_limit", network.value_limit, 0.0, 1e9);
+    visit("epsilon", info.epsilon);
 }
 
 struct Writer {
@@ -74,13 +100,10 @@ struct Writer {
     void operator()(const char* key, const std::string& value) const { texts[key] = value; }
     void operator()(const char* key, const std::vector<Event>& value) const { texts[key] = list_of(value); }
     void operator()(const char* key, bool value) const { texts[key] = value ? "true" : "false"; }
-    void operator()(const char* key, double value, double, double) const { texts[key] = text_of(value); }
-    void operator()(const char* key, std::int64_t value, int, int) const {
-        texts[key] = std::to_string(value);
-    }
-    template <class Enum, class Names>
-    void operator()(const char* key, Enum value, const Names& names) const {
-        texts[key] = names[static_cast<std::size_t>(value)];
+    void operator()(const char* key, double value) const { texts[key] = number_text(value); }
+    void operator()(const char* key, std::int64_t value) const { texts[key] = std::to_string(value); }
+    void operator()(const char* key, EventMap value) const {
+        texts[key] = names_of(value)[static_cast<std::size_t>(value)];
     }
 };
 
@@ -91,82 +114,59 @@ struct Reader {
     void operator()(const char* key, std::string& value) const { value = take_text(texts, key); }
     void operator()(const char* key, std::vector<Event>& value) const {
         const auto text = take_text(texts, key);
-        for (std::size_t begin = 0; begin < text.size();) {
-            const auto end = std::min(text.find(' ', begin), text.size());
-            value.push_back(event_of(key, text, text.substr(begin, end - begin)));
-            begin = end + 1;
-        }
+        if (text.empty()) return;
+        for (const auto& name : split(text, ' ')) value.push_back(event_called(name, text));
         if (value.size() > kEventCount) refuse(key, text, "at most 18 joystick events");
     }
-    void operator()(const char* key, bool& value) const {
-        const auto text = take_text(texts, key);
-        if (text != "true" && text != "false") refuse(key, text, "true or false");
-        value = text == "true";
-    }
-    template <class Number, class Limit>
-    requires(std::is_same_v<Number, double> || std::is_same_v<Number, std::int64_t>) void operator()(
-        const char* key, Number& value, Limit low, Limit high) const {
-        const auto text = take_text(texts, key);
-        const auto number = number_in<Number>(text);
-        if (!number || !(*number >= static_cast<Number>(low) && *number <= static_cast<Number>(high))) {
-            refuse(key, text,
-                   joined({std::is_same_v<Number, double> ? "a number from " : "a whole number from ",
-                           text_of(static_cast<double>(low)), " to ", text_of(static_cast<double>(high))}));
-        }
-        value = *number;
-    }
-    template <class Enum, class Names>
-    requires std::is_enum_v<Enum>
-    void operator()(const char* key, Enum& value, const Names& names) const {
-        const auto text = take_text(texts, key);
-        const auto found = std::find(names.begin(), names.end(), text);
-        std::string allowed;
-        for (const auto name : names) allowed = joined({allowed, allowed.empty() ? "one of " : ", ", name});
-        if (found == names.end()) refuse(key, text, allowed);
-        value = static_cast<Enum>(found - names.begin());
-    }
-
-    [[noreturn]] static void refuse(const char* key, const std::string& text, const std::string& allowed) {
-        throw FileDamage({"its metadata '", key, "' is ", in_quotes(text), ": it must be ", allowed});
-    }
-
-    static Event event_of(const char* key, const std::string& text, const std::string& name) {
-        for (int i = 0; i < kEventCount; ++i)
-            if (name == event_name(static_cast<Event>(i))) return static_cast<Event>(i);
-        refuse(key, text, "joystick events by their names, with spaces between");
+    void operator()(const char* key, bool& value) const { value = take_truth(texts, key); }
+    // The threshold and epsilon.
+    void operator()(const char* key, double& value) const { value = take_real(texts, key, 0, 1); }
+    // The frames per decision.
+    void operator()(const char* key, std::int64_t& value) const { value = take_whole(texts, key, 1, 64); }
+    void operator()(const char* key, EventMap& value) const {
+        const auto names = names_of(value);
+        const auto found = std::ranges::find(names, take_choice(texts, key, names));
+        value = static_cast<EventMap>(found - names.begin());
     }
 };
 
 /// That the head, the action space and the list of actions go together.
-void check_actions(const PolicyInfo& info, const PolicyNetwork& network) {
+void check_actions(const PolicyInfo& info, const Head& head) {
     const auto& space = info.action_space;
     if (space != "continuous" && space != "minimal" && space != "full")
-        Reader::refuse("action_space", space, "one of continuous, minimal, full");
+        refuse("action_space", space, "one of continuous, minimal, full");
     const bool continuous = space == "continuous";
-    if (continuous != network.continuous())
+    if (continuous != head.continuous())
         throw FileDamage({"its network's head does not act on the action space '", space, "'"});
     if (continuous != info.actions.empty()) {
         throw FileDamage({"the action space '", space, "' ",
                           (continuous ? "has no list of actions" : "needs a list of actions")});
     }
+    if (head.num_actions != info.num_actions())
+        throw FileDamage("its network's head has another number of actions than are listed");
 }
 
 }  // namespace
 
-Texts texts_of(const PolicyInfo& info, const PolicyNetwork& network) {
+Texts texts_of(const PolicyInfo& info, const NetworkSpec& network) {
     Texts texts;
-    describe(info, network, Writer{texts});
+    describe(info, Writer{texts});
+    texts[kNetwork] = network_text(network);
     return texts;
 }
 
-void read_texts(Texts& texts, PolicyInfo& info, PolicyNetwork& network) {
-    if (const auto found = texts.find("encoder"); found != texts.end()) info.encoder = found->second;
-    describe(info, network, Reader{texts});
-    info.stack = network.stack;
-    info.frame_height = network.frame_height;
-    info.frame_width = network.frame_width;
-    network.num_actions = info.num_actions();
-    check_actions(info, network);
+void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network) {
+    // What of version 1 became the network is taken first: it takes `encoder` for one of three.
+    if (version == 1) network = take_network_of_version_1(texts);
+    describe(info, Reader{texts});
+    if (version == 1) {
+        if (!network.head.continuous()) network.head.num_actions = info.num_actions();
+        check_network(network);
+    } else {
+        network = parse_network(take_text(texts, kNetwork));
+    }
+    check_actions(info, network.head);
+    set_observation(info, network.observation);
 }
 
 }  // namespace cale

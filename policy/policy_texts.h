@@ -1,11 +1,13 @@
 // What a policy is, as the texts of its file's metadata: docs/policy_file.md.
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <string_view>
 
-#include "policy/network.h"
+#include "policy/network_spec.h"
 #include "policy/policy_info.h"
 
 namespace cale {
@@ -13,16 +15,17 @@ namespace cale {
 using Texts = std::map<std::string, std::string>;
 
 /// All but the provenance.
-Texts texts_of(const PolicyInfo& info, const PolicyNetwork& network);
+Texts texts_of(const PolicyInfo& info, const NetworkSpec& network);
 
-/// Takes these texts out of `texts`; what is left is provenance. Throws FileDamage that names the first which
-/// is missing, or is not what it must be, and where they do not go together.
-void read_texts(Texts& texts, PolicyInfo& info, PolicyNetwork& network);
+/// Takes the texts of version 1 or 2 out of `texts`; what is left is provenance. Throws FileDamage that names
+/// the first which is missing, or is not what it must be, and where they do not go together.
+void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network);
 
-/// Takes one. Throws FileDamage if it is missing.
+// Each takes one text. Throws FileDamage if it is missing or, but for take_text(), not what it must be.
 std::string take_text(Texts& texts, std::string_view key);
-
-/// A number as short as it can be written without loss.
-std::string text_of(double value);
+std::string take_choice(Texts& texts, std::string_view key, std::span<const std::string_view> allowed);
+bool take_truth(Texts& texts, std::string_view key);
+std::int64_t take_whole(Texts& texts, std::string_view key, std::int64_t low, std::int64_t high);
+double take_real(Texts& texts, std::string_view key, double low, double high);
 
 }  // namespace cale

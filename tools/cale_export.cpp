@@ -44,10 +44,10 @@ void add_export(CLI::App& app) {
             const auto found = info.provenance.find(name);
             return found == info.provenance.end() ? std::string("unknown") : printable(found->second);
         };
-        fmt::print("{}: {} on {}, {}, {} agent steps, seed {}; {:.1f} MB\n", options->output,
-                   printable(info.agent), printable(info.game), printable(info.encoder),
-                   origin("agent_steps"), origin("seed"),
-                   static_cast<double>(std::filesystem::file_size(output)) / 1e6);
+        fmt::print("{}: {} on {}, {}{} agent steps, seed {}; {:.1f} MB\n", options->output,
+                   printable(info.agent), printable(info.game),
+                   info.encoder.empty() ? "" : printable(info.encoder) + ", ", origin("agent_steps"),
+                   origin("seed"), static_cast<double>(std::filesystem::file_size(output)) / 1e6);
     });
 }
 

@@ -223,6 +223,7 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
             snapshot.replay.reset();
         }
         save_agent(partial, snapshot.agent);
+        if (snapshot.policy) write_file_atomically(partial / kPolicyFile, policy_contents(*snapshot.policy));
         save_safetensors(partial / kGamesFile, snapshot.games);
         write_file_atomically(partial / kStateFile, to_json(snapshot.state));
         write_file_atomically(partial / "config.yaml", snapshot.config);

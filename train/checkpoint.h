@@ -3,6 +3,7 @@
 //     <run>/checkpoints/step_000250000/
 //         agent.safetensors.zst   networks, optimisers, random generators, counters, a rollout under way;
 //                                 see agent_file.h
+//         policy.safetensors      the policy file (docs/policy_file.md), of agents and worlds that have one
 //         games.safetensors       the games under way
 //         replay.zst, frames-*.zst, transitions-*.zst   the replay (train.save_replay); see replay_snapshot.h
 //         state.json              where the run stood
@@ -27,6 +28,7 @@
 #include "evaluate/event_counts.h"
 #include "replay/replay_snapshot.h"
 #include "storage/manifest.h"
+#include "train/policy_snapshot.h"
 
 namespace cale {
 
@@ -64,7 +66,8 @@ struct RunState {
 struct RunSnapshot {
     RunState state;
     TensorMap agent;
-    TensorMap games;                         // Collector::state()
+    TensorMap games;  // Collector::state()
+    std::optional<PolicySnapshot> policy{};
     std::optional<ReplaySnapshot> replay{};  // none: without train.save_replay, or no replay
     std::string config{};                    // all settings as YAML
 };
@@ -86,6 +89,9 @@ struct Checkpoint {
 struct ResumeError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
+
+/// The name of the policy file in the folder of a checkpoint.
+inline constexpr const char* kPolicyFile = "policy.safetensors";
 
 /// Writes a checkpoint. Full chunks of the replay are not written again: those that `before_last` has are
 /// linked, others that `last` has are copied, each after its checksum was found good. So two checkpoints in a

@@ -95,6 +95,7 @@ struct Recorder::Files {
                        .step_size = world.num_envs,
                        .best = settings.train.keep_best},
                       resumed != nullptr ? std::optional(resumed->stored) : std::nullopt) {
+        policy_info = run_policy_info(world, settings, options);
         if (settings.log.tensorboard) {
             events.emplace(options.run_dir, resumed != nullptr ? std::optional(state.step) : std::nullopt);
             events->write_hyperparameters(options.hyperparameters);
@@ -119,6 +120,7 @@ struct Recorder::Files {
     ProgressLog progress;
     CheckpointWriter checkpoints;
     std::optional<EventFile> events;
+    std::optional<PolicyInfo> policy_info;  // of a world whose policies can be exported
     std::vector<std::pair<std::string, double>> shown;
     Progress reported;  // newest
 };
@@ -299,6 +301,18 @@ std::map<std::string, double> Recorder::newest_metrics() {
 // Checkpoints -----------------------------------------------------------------------------
 
 /// All processes call it: the first one's checkpoints hold the state of all.
+/// None of a world or an agent whose policies are not exported.
+std::optional<PolicySnapshot> Recorder::policy_snapshot() const {
+    if (!files_->policy_info) return std::nullopt;
+    auto policy = agent_.policy();
+    if (!policy) return std::nullopt;
+    PolicySnapshot snapshot{std::move(*policy), *files_->policy_info};
+    auto& origin = snapshot.info.provenance;
+    origin["agent_steps"] = std::to_string(state_.step);
+    origin["frames"] = std::to_string(state_.frame);
+    return snapshot;
+}
+
 void Recorder::write_checkpoint() {
     written_step_ = state_.step;
     if (!files_) {
@@ -315,6 +329,7 @@ void Recorder::write_checkpoint() {
     state_.progress_rows = files_->progress.rows();
     RunSnapshot snapshot{
         .state = state_, .agent = agent_.state(), .games = collector_.state(), .config = options_.config};
+    snapshot.policy = policy_snapshot();
     if (settings_.train.save_replay && agent_.replay() != nullptr)
         snapshot.replay.emplace(*agent_.replay());
     files_->checkpoints.start(std::move(snapshot));

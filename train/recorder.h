@@ -50,6 +50,7 @@ class Recorder {
     void write_episode(const Episode& episode);
     void write_row(bool to_tensorboard);
     void write_last_row();
+    std::optional<PolicySnapshot> policy_snapshot() const;
     void write_checkpoint();
     void write_scheduled_checkpoint();
     void rewrite_checkpoint_after_evaluation();

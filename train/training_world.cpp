@@ -9,6 +9,25 @@
 #include "cale/vector_env.h"
 
 namespace cale {
+namespace {
+
+PolicyInfo policy_info(const EnvConfig& env) {
+    PolicyInfo info;
+    info.game = find_game(env.game).name;
+    info.action_space = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
+    if (env.action_space != ActionSet::continuous) {
+        const Env game(env, /*seed=*/0);
+        info.actions.assign(game.actions().begin(), game.actions().end());
+    }
+    info.threshold = env.threshold;
+    info.event_map = env.event_map;
+    info.radius_is_strength = env.paddle_strength == PaddleStrength::radius;
+    info.frame_skip = env.frame_skip;
+    info.life_loss_ends_episode = env.terminal_on_life_loss;
+    return info;
+}
+
+}  // namespace
 
 TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
     const Game& game = find_game(env.game);
@@ -41,6 +60,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             .make = make,
             .evaluate = evaluate_games,
             .can_film = true,
+            .policy_info = [env] { return policy_info(env); },
             .random_score = random_floor(env),
             .human_score = game.human_score,
             .facts = facts};

@@ -17,6 +17,7 @@
 
 #include "cale/env.h"
 #include "evaluate/evaluation.h"
+#include "policy/policy_info.h"
 #include "settings/run_config.h"
 #include "world/world.h"
 
@@ -39,6 +40,9 @@ struct TrainingWorld {
                              const std::filesystem::path& video)>
         evaluate;
     bool can_film = false;
+
+    /// What a policy file says of the world; null: policies that act in it have none.
+    std::function<PolicyInfo()> policy_info{};
 
     std::optional<double> random_score{}, human_score{};  // mean returns, where they are known
     /// What the header of a run says of it, with the actions that it turned out to have.

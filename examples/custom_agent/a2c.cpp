@@ -20,13 +20,11 @@ namespace {
 enum Stream : std::uint64_t { kInitialValues, kActing, kEvaluation };
 
 PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
-    PpoNetwork network(PpoNetworkConfig{.encoder = {.encoder = config.encoder,
-                                                    .stack = spec.stack,
-                                                    .frame_height = spec.frame_height,
-                                                    .frame_width = spec.frame_width},
-                                        .torso = Torso::two_branch,
-                                        .hidden_layers = 0},
-                       spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+    PpoNetwork network(
+        PpoNetworkConfig{.encoder = {.encoder = config.encoder, .observation = observation_shape(spec)},
+                         .torso = Torso::two_branch,
+                         .hidden_layers = 0},
+        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
     return network;
 }
@@ -75,6 +73,11 @@ class A2c final : public Agent {
 
     // What the log shows.
     std::map<std::string, double> metrics() override { return newest_; }
+
+    // What `cale export`, `cale evaluate` and `cale play` act with.
+    std::optional<AgentPolicy> policy() const override {
+        return policy_of_network(network_, /*samples=*/true, /*epsilon=*/0);
+    }
 
     // One list of parts is enough for checkpoints and --resume.
     TensorMap state() override {

@@ -1,6 +1,5 @@
 #include "policy/onnx/onnx.h"
 
-#include <numbers>
 #include <string_view>
 #include <vector>
 
@@ -92,7 +91,7 @@ class Writer {
     void write() {
         set(graph_.add("Cast", {"observation"}), "to", std::int64_t{kFloat});
         graph_.add("Div", {graph_.now, graph_.constant("white", {}, {255})});
-        const auto layers = layers_of(policy_.network);
+        const auto layers = sized_layers(policy_.network);
         for (const auto& layer : layers) add(layer);
         add_head(layers.back().out.channels);
         graph_.name_result("output");
@@ -101,14 +100,14 @@ class Writer {
     }
 
   private:
-    void window(onnx::Node& node, const Layer& layer) const {
+    void window(onnx::Node& node, const SizedLayer& layer) const {
         set(node, "kernel_shape", Ints{layer.kernel_rows, layer.kernel_columns});
         set(node, "strides", Ints{layer.stride_rows, layer.stride_columns});
         set(node, "pads", Ints{layer.top, layer.left, layer.bottom, layer.right});
     }
 
     /// Stored square; of kernels along a row only one column is used.
-    std::vector<float> kernel(const Layer& layer) const {
+    std::vector<float> kernel(const SizedLayer& layer) const {
         const auto& stored = policy_.weights.at(layer.name + ".weight");
         if (layer.kernel_slice < 0) return stored;
         std::vector<float> column;
@@ -121,7 +120,7 @@ class Writer {
         return graph_.constant(name, shape, policy_.weights.at(name));
     }
 
-    void add(const Layer& layer) {
+    void add(const SizedLayer& layer) {
         switch (layer.kind) {
             case Layer::Kind::conv: {
                 const Ints shape{layer.out.channels, layer.in.channels, layer.kernel_rows,
@@ -162,7 +161,7 @@ class Writer {
         }
     }
 
-    void add_dense(const Layer& layer) {
+    void add_dense(const SizedLayer& layer) {
         auto& node = graph_.add(
             "Gemm", {graph_.now, parameter(layer.name + ".weight", {layer.out.channels, layer.in.channels}),
                      parameter(layer.name + ".bias", {layer.out.channels})});
@@ -170,27 +169,26 @@ class Writer {
     }
 
     void add_head(std::int64_t inputs) {
-        const auto& network = policy_.network;
+        const auto& head = policy_.network.head;
         const auto hidden = graph_.now;
-        const auto layers = head_layers_of(network, inputs);
+        const auto layers = head_layers(head, inputs);
         add_dense(layers[0]);
-        if (network.head == PolicyNetwork::Head::gaussian) {
+        if (head.kind == Head::Kind::gaussian) {
             // The same deviations for every observation.
             const auto mean = graph_.now;
             graph_.add("Mul", {mean, graph_.constant("zero", {}, {0})});
             graph_.add("Add", {graph_.now, parameter("actor.log_std", {kStickSize})});
             set(graph_.add("Concat", {mean, graph_.now}), "axis", std::int64_t{1});
         }
-        if (network.head == PolicyNetwork::Head::categorical)
-            set(graph_.add("LogSoftmax"), "axis", std::int64_t{1});
-        if (network.head == PolicyNetwork::Head::values) add_values(hidden, layers);
+        if (head.kind == Head::Kind::categorical) set(graph_.add("LogSoftmax"), "axis", std::int64_t{1});
+        if (head.kind == Head::Kind::values) add_values(hidden, layers);
     }
 
-    void add_values(const std::string& hidden, const std::vector<Layer>& layers) {
-        const auto& network = policy_.network;
-        const auto actions = network.num_actions, atoms = network.num_atoms;
+    void add_values(const std::string& hidden, const std::vector<SizedLayer>& layers) {
+        const auto& head = policy_.network.head;
+        const auto actions = head.num_actions, atoms = head.num_atoms;
         graph_.add("Reshape", {graph_.now, graph_.constant("per_action", Ints{-1, actions, atoms})});
-        if (network.dueling) {
+        if (head.dueling) {
             const auto advantages = graph_.now;
             graph_.now = hidden;
             add_dense(layers[1]);
@@ -204,7 +202,7 @@ class Writer {
             std::vector<float> returns;
             for (std::int64_t i = 0; i < atoms; ++i) {
                 returns.push_back(static_cast<float>(
-                    network.value_limit * (2 * static_cast<double>(i) / static_cast<double>(atoms - 1) - 1)));
+                    head.value_limit * (2 * static_cast<double>(i) / static_cast<double>(atoms - 1) - 1)));
             }
             set(graph_.add("Softmax"), "axis", std::int64_t{2});
             graph_.add("Mul", {graph_.now, graph_.constant("returns", {atoms}, returns)});
@@ -216,19 +214,23 @@ class Writer {
     }
 
     void add_action() {
-        if (!policy_.network.continuous()) {
+        if (!policy_.network.head.continuous()) {
             auto& node = graph_.add("ArgMax");
             set(node, "axis", std::int64_t{1});
             set(node, "keepdims", std::int64_t{0});
             return;
         }
-        constexpr float pi = std::numbers::pi_v<float>;
+        std::vector<float> centre, half_width;
+        for (const auto& axis : kStick) {
+            centre.push_back(static_cast<float>(axis.centre));
+            half_width.push_back(static_cast<float>(axis.half_width));
+        }
         graph_.add("Slice",
                    {graph_.now, graph_.constant("first", Ints{0}),
                     graph_.constant("end_of_means", Ints{kStickSize}), graph_.constant("axis", Ints{1})});
         graph_.add("Tanh");
-        graph_.add("Mul", {graph_.now, graph_.constant("half_width", {kStickSize}, {0.5f, pi, 0.5f})});
-        graph_.add("Add", {graph_.now, graph_.constant("centre", {kStickSize}, {0.5f, 0, 0.5f})});
+        graph_.add("Mul", {graph_.now, graph_.constant("half_width", {kStickSize}, half_width)});
+        graph_.add("Add", {graph_.now, graph_.constant("centre", {kStickSize}, centre)});
     }
 
     const PolicyFile& policy_;
@@ -255,14 +257,13 @@ std::string onnx_model(const PolicyFile& policy) {
     model.add_opset_import()->set_version(kOperatorVersion);
     auto& graph = *model.mutable_graph();
     graph.set_name("policy");
-    describe(*graph.add_input(), "observation", kUint8,
-             {network.stack, network.frame_height, network.frame_width});
-    if (network.continuous()) {
+    describe(*graph.add_input(), "observation", kUint8, network.observation);
+    if (network.head.continuous()) {
         describe(*graph.add_output(), "action", kFloat, {kStickSize});
     } else {
         describe(*graph.add_output(), "action", kInt64, {});
     }
-    describe(*graph.add_output(), "output", kFloat, {output_size(network)});
+    describe(*graph.add_output(), "output", kFloat, {output_size(network.head)});
     Writer(graph, policy).write();
     for (const auto& [key, text] : policy_file_texts(policy)) {
         auto& entry = *model.add_metadata_props();

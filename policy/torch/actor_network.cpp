@@ -1,10 +1,12 @@
 #include "policy/torch/actor_network.h"
 
+#include <algorithm>
+
 #include <ATen/CPUGeneratorImpl.h>
-#include <torch/nn/module.h>
-#include <torch/nn/modules/normalization.h>
 #include <torch/types.h>
 #include <torch/utils.h>
+
+#include "networks/q_network.h"
 
 namespace cale {
 namespace {
@@ -20,126 +22,66 @@ at::Generator unused_generator() {
     return at::detail::getDefaultCPUGenerator();
 }
 
-Dense make_dense(const Layer& layer) {
-    return Dense(layer.in.channels, layer.out.channels, leave_at_zero, unused_generator());
+/// The same layers under names that LibTorch allows for modules: without dots.
+Layers without_dots(Layers layers) {
+    for (auto& layer : layers) std::ranges::replace(layer.name, '.', '/');
+    return layers;
 }
 
-EncoderConfig encoder_config(const PolicyNetwork& network) {
-    return {.encoder = static_cast<EncoderKind>(network.encoder),
-            .phi_dqn = static_cast<PhiDqn>(network.phi_dqn),
-            .stack = network.stack,
-            .frame_height = network.frame_height,
-            .frame_width = network.frame_width,
-            .padding = static_cast<Padding>(network.padding),
-            .initialise = leave_at_zero};
-}
-
-/// The parameters of `module` become the weights called prefix + name.
-void set_parameters(torch::nn::Module& module, const std::string& prefix,
-                    const std::map<std::string, std::vector<float>>& weights) {
-    const torch::NoGradGuard no_grad;
-    for (auto& parameter : module.named_parameters()) {
-        const auto& numbers = weights.at(prefix + parameter.key());
-        auto& tensor = parameter.value();
-        tensor.copy_(torch::tensor(at::ArrayRef<float>(numbers)).view(tensor.sizes()));
-        tensor.requires_grad_(false);
-    }
-}
-
-std::string last_part(const std::string& name) {
-    return name.substr(name.rfind('.') + 1);
+torch::Tensor tensor_of(const std::vector<float>& numbers, at::IntArrayRef shape) {
+    return torch::tensor(at::ArrayRef<float>(numbers)).view(shape);
 }
 
 }  // namespace
 
-struct ActorNetwork::Encoder : torch::nn::Module {
-    explicit Encoder(const PolicyNetwork& network)
-        : trunk(*this, encoder_config(network), unused_generator()) {}
-
-    Trunk trunk;
-    Dense fc{nullptr};
-    torch::nn::LayerNorm ln{nullptr};
-};
-
-/// What is called actor.* or head.*: hidden layers, then the last ones.
-struct ActorNetwork::Head : torch::nn::Module {
-    std::vector<Dense> hidden, last;
-    torch::Tensor log_std;
-};
-
-ActorNetwork::ActorNetwork(const PolicyNetwork& network,
+ActorNetwork::ActorNetwork(const NetworkSpec& network,
                            const std::map<std::string, std::vector<float>>& weights, torch::Device device)
-    : network_(network), encoder_(std::make_shared<Encoder>(network)), head_(std::make_shared<Head>()) {
-    const auto layers = layers_of(network);
-    for (const auto& layer : layers) {
-        const auto name = last_part(layer.name);
-        if (layer.kind == Layer::Kind::layer_norm) {
-            const auto options = torch::nn::LayerNormOptions({layer.out.channels}).eps(kLayerNormEpsilon);
-            encoder_->ln = encoder_->register_module(name, torch::nn::LayerNorm(options));
-        } else if (layer.kind == Layer::Kind::dense && layer.name.starts_with("encoder.")) {
-            encoder_->fc = encoder_->register_module(name, make_dense(layer));
-        } else if (layer.kind == Layer::Kind::dense) {
-            head_->hidden.push_back(head_->register_module(name, make_dense(layer)));
-        }
+    : head_(network.head),
+      layers_(owner_, without_dots(network.layers), network.observation, leave_at_zero, unused_generator()) {
+    const torch::NoGradGuard no_grad;
+    for (const auto& layer : head_layers(head_, layers_.features())) {
+        Dense dense(layer.in.channels, layer.outputs, leave_at_zero, unused_generator());
+        auto name = layer.name;
+        std::ranges::replace(name, '.', '/');
+        last_.push_back(owner_.register_module(name, dense));
     }
-    const auto last = head_layers_of(network, layers.back().out.channels);
-    for (const auto& layer : last)
-        head_->last.push_back(head_->register_module(last_part(layer.name), make_dense(layer)));
-    if (network.head == PolicyNetwork::Head::gaussian)
-        head_->log_std = head_->register_parameter("log_std", torch::zeros({kStickSize}));
-
-    set_parameters(*encoder_, "encoder.", weights);
-    set_parameters(*head_, network.head == PolicyNetwork::Head::values ? "head." : "actor.", weights);
-    encoder_->to(device);
-    head_->to(device);
-    if (network.num_atoms > 1) {
-        support_ =
-            torch::linspace(-network.value_limit, network.value_limit, network.num_atoms, torch::kFloat32)
-                .to(device);
+    for (auto& parameter : owner_.named_parameters()) {
+        // "actor/fc1.weight" is actor.fc1.weight
+        auto name = parameter.key();
+        std::ranges::replace(name, '/', '.');
+        auto& tensor = parameter.value();
+        tensor.copy_(tensor_of(weights.at(name), tensor.sizes()));
+        tensor.requires_grad_(false);
+    }
+    owner_.to(device);
+    if (head_.kind == Head::Kind::gaussian)
+        log_std_ = tensor_of(weights.at("actor.log_std"), {kStickSize}).to(device);
+    if (head_.num_atoms > 1) {
+        support_ = torch::linspace(-head_.value_limit, head_.value_limit, head_.num_atoms, torch::kFloat32)
+                       .to(device);
     }
 }
 
 torch::Tensor ActorNetwork::output(const torch::Tensor& observations) const {
-    auto x = branch(encoder_->trunk(observations));
-    const bool tanh = network_.activation == PolicyNetwork::Activation::tanh;
-    for (const auto& layer : head_->hidden) x = tanh ? layer->forward(x).tanh_() : layer->forward(x).relu_();
-    switch (network_.head) {
-        case PolicyNetwork::Head::squashed_gaussian:
-            return head_->last[0]->forward(x);
-        case PolicyNetwork::Head::gaussian: {
-            const auto mean = head_->last[0]->forward(x);
-            return torch::cat({mean, head_->log_std.expand_as(mean)}, 1);
+    const auto features = layers_(layers_.scaled(observations));
+    switch (head_.kind) {
+        case Head::Kind::squashed_gaussian:
+            return last_[0]->forward(features);
+        case Head::Kind::gaussian: {
+            const auto mean = last_[0]->forward(features);
+            return torch::cat({mean, log_std_.expand_as(mean)}, 1);
         }
-        case PolicyNetwork::Head::categorical:
-            return head_->last[0]->forward(x).log_softmax(1);
-        case PolicyNetwork::Head::values:
+        case Head::Kind::categorical:
+            return last_[0]->forward(features).log_softmax(1);
+        case Head::Kind::values:
             break;
     }
-    return action_values(x);
+    return action_values(features);
 }
 
-torch::Tensor ActorNetwork::branch(const torch::Tensor& features) const {
-    switch (network_.branch) {
-        case PolicyNetwork::Branch::none:
-            return features;
-        case PolicyNetwork::Branch::shared:
-            return encoder_->fc->forward(features).relu();
-        case PolicyNetwork::Branch::actor:
-            break;
-    }
-    const auto x = encoder_->fc->forward(features);
-    if (!encoder_->ln) return x.relu();
-    const auto& norm = *encoder_->ln;
-    return torch::layer_norm(x, norm.options.normalized_shape(), norm.weight, norm.bias, norm.options.eps())
-        .tanh();
-}
-
-torch::Tensor ActorNetwork::action_values(const torch::Tensor& hidden) const {
-    auto values = head_->last[0]->forward(hidden).reshape({-1, network_.num_actions, network_.num_atoms});
-    if (network_.dueling) {
-        const auto state_value = head_->last[1]->forward(hidden).unsqueeze(1);
-        values = state_value + values - values.mean(1, /*keepdim=*/true);
-    }
+torch::Tensor ActorNetwork::action_values(const torch::Tensor& features) const {
+    auto values = last_[0]->forward(features).reshape({-1, head_.num_actions, head_.num_atoms});
+    if (head_.dueling) values = dueling_values(last_[1]->forward(features).unsqueeze(1), values);
     return support_.defined() ? (values.softmax(2) * support_).sum(2) : values.squeeze(2);
 }
 

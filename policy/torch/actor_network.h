@@ -2,37 +2,36 @@
 #pragma once
 
 #include <map>
-#include <memory>
 #include <string>
 #include <vector>
 
+#include <torch/nn/module.h>
 #include <torch/types.h>
 
-#include "networks/encoders.h"
-#include "networks/layers.h"
-#include "policy/network.h"
+#include "networks/layer_stack.h"
+#include "policy/network_spec.h"
 
 namespace cale {
 
 class ActorNetwork {
   public:
-    /// With these weights, by the names of parameters_of(network).
-    ActorNetwork(const PolicyNetwork& network, const std::map<std::string, std::vector<float>>& weights,
+    /// With these weights, by the names of parameter_shapes(network).
+    ActorNetwork(const NetworkSpec& network, const std::map<std::string, std::vector<float>>& weights,
                  torch::Device device);
 
-    /// [N, stack, H, W] uint8 on the network's device -> Policy::output there. Throws as Trunk does.
+    /// [N, observation] uint8 on the network's device -> Policy::output there. Throws std::invalid_argument,
+    /// naming both shapes, for anything else.
     torch::Tensor output(const torch::Tensor& observations) const;
 
   private:
-    struct Encoder;
-    struct Head;
-    torch::Tensor branch(const torch::Tensor& features) const;
-    torch::Tensor action_values(const torch::Tensor& hidden) const;
+    torch::Tensor action_values(const torch::Tensor& features) const;
 
-    PolicyNetwork network_;
-    std::shared_ptr<Encoder> encoder_;
-    std::shared_ptr<Head> head_;
-    torch::Tensor support_;  // [atoms], of a distribution
+    Head head_;
+    torch::nn::Module owner_;  // of the layers' parameters
+    LayerStack layers_;        // up to the head
+    std::vector<Dense> last_;  // the head's
+    torch::Tensor log_std_;    // [3], of a gaussian head
+    torch::Tensor support_;    // [atoms], of a distribution
 };
 
 }  // namespace cale

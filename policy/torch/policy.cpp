@@ -1,7 +1,10 @@
 #include "policy/torch/policy.h"
 
+#include <functional>
+#include <numeric>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include <torch/types.h>
 #include <torch/utils.h>
@@ -24,13 +27,14 @@ ActionBox joystick_box_on(torch::Device device) {
 }
 
 /// A view of bytes that nobody writes through: LibTorch knows no constant tensors.
-torch::Tensor view_of(std::span<const std::uint8_t> observation, const PolicyInfo& info) {
-    if (observation.size() != info.observation_size()) {
+torch::Tensor view_of(std::span<const std::uint8_t> observation, std::vector<std::int64_t> shape) {
+    const auto size = std::reduce(shape.begin(), shape.end(), std::int64_t{1}, std::multiplies());
+    if (std::ssize(observation) != size) {
         throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
-                                    " bytes: it must have " + std::to_string(info.observation_size()));
+                                    " bytes: it must have " + std::to_string(size));
     }
-    return torch::from_blob(const_cast<std::uint8_t*>(observation.data()),
-                            {1, info.stack, info.frame_height, info.frame_width}, torch::kUInt8);
+    shape.insert(shape.begin(), 1);
+    return torch::from_blob(const_cast<std::uint8_t*>(observation.data()), shape, torch::kUInt8);
 }
 
 }  // namespace
@@ -38,7 +42,8 @@ torch::Tensor view_of(std::span<const std::uint8_t> observation, const PolicyInf
 struct Policy::Impl {
     Impl(const PolicyFile& file, torch::Device device_)
         : info(file.info),
-          head(file.network.head),
+          head(file.network.head.kind),
+          observation(file.network.observation),
           device(device_),
           network(file.network, file.weights, device),
           box(joystick_box_on(device)) {}
@@ -73,7 +78,8 @@ struct Policy::Impl {
     }
 
     PolicyInfo info;
-    PolicyNetwork::Head head;
+    Head::Kind head;
+    std::vector<std::int64_t> observation;  // its shape
     torch::Device device;
     ActorNetwork network;
     ActionBox box;
@@ -88,7 +94,8 @@ Policy Policy::parse(std::string_view contents, const std::string& name, torch::
         const auto file = parse_policy_file(contents);
         Policy policy;
         policy.impl_ = std::make_shared<const Impl>(file, device);
-        const auto output = policy.output(view_of(file.golden.observation, file.info)).contiguous();
+        const auto output =
+            policy.output(view_of(file.golden.observation, file.network.observation)).contiguous();
         check_golden({output.const_data_ptr<float>(), static_cast<std::size_t>(output.numel())},
                      file.golden.output, device.is_cpu() ? kGoldenTolerance : kCudaGoldenTolerance);
         return policy;
@@ -111,7 +118,7 @@ torch::Tensor Policy::output(const torch::Tensor& observations) const {
 }
 
 bool Policy::gives_action_values() const {
-    return impl_->head == PolicyNetwork::Head::values;
+    return impl_->head == Head::Kind::values;
 }
 
 torch::Tensor Policy::act(const torch::Tensor& observations) const {
@@ -125,7 +132,7 @@ torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::
     const bool evaluated = choice == Choice::as_evaluated;
     const bool samples = choice == Choice::sampled || (evaluated && impl_->info.evaluation_samples);
     // Action values are no distribution.
-    const bool has_distribution = impl_->head != PolicyNetwork::Head::values;
+    const bool has_distribution = impl_->head != Head::Kind::values;
     const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
     return evaluated && impl_->info.epsilon > 0 ? impl_->epsilon_greedy(actions, random) : actions;
 }
@@ -143,11 +150,11 @@ Decision decision_of(const PolicyInfo& info, const torch::Tensor& action) {
 }  // namespace
 
 Decision Policy::act(std::span<const std::uint8_t> observation) const {
-    return decision_of(info(), act(view_of(observation, info())));
+    return decision_of(info(), act(view_of(observation, impl_->observation)));
 }
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Choice choice, at::Generator random) const {
-    return decision_of(info(), act(view_of(observation, info()), choice, std::move(random)));
+    return decision_of(info(), act(view_of(observation, impl_->observation), choice, std::move(random)));
 }
 
 }  // namespace cale

@@ -10,9 +10,9 @@
 
 #include <torch/types.h>
 
-namespace cale {
+#include "networks/tensor_map.h"
 
-using TensorMap = std::map<std::string, torch::Tensor>;
+namespace cale {
 
 struct SafetensorsFile {
     TensorMap tensors;  // on the CPU, contiguous

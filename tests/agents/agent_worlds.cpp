@@ -48,7 +48,7 @@ ReplaySettings small_replay() {
 }
 
 EncoderConfig small_encoder() {
-    return {.encoder = EncoderKind::phi_dqn, .stack = kStack, .frame_height = kSide, .frame_width = kSide};
+    return {.encoder = EncoderKind::phi_dqn, .observation = {kStack, kSide, kSide}};
 }
 
 SacConfig small_sac() {

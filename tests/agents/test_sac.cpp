@@ -34,7 +34,7 @@ TEST(SacNetwork, ParameterCountsOfTheReference) {
 }
 
 TEST(SacNetwork, ActorsAndCriticsParametersMakeUpTheWhole) {
-    const auto network = make_network({.frame_height = kSide, .frame_width = kSide});
+    const auto network = make_network({.observation = {4, kSide, kSide}});
     const auto actor = actor_parameters(*network), critic = critic_parameters(*network);
     EXPECT_EQ(actor.size() + critic.size(), network->parameters().size());
     EXPECT_EQ(actor.size(), 8u);  // actor_fc, actor_ln, fc1, out: weight and bias each

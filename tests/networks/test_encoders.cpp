@@ -49,12 +49,13 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
         {{.encoder = EncoderKind::phi_dqn}, 11 * 11 * 64, 512},
         {{.encoder = EncoderKind::phi_dqn, .phi_dqn = PhiDqn::row1d}, 84 * 11 * 64, 512},
         {{.encoder = EncoderKind::impala}, 11 * 11 * 32, 512},
-        {{.encoder = EncoderKind::phi_sac, .stack = 2, .frame_height = 12, .frame_width = 9}, 6 * 5 * 32, 50},
-        {{.encoder = EncoderKind::impala, .stack = 1, .frame_height = 12, .frame_width = 9}, 2 * 2 * 32, 512},
+        {{.encoder = EncoderKind::phi_sac, .observation = {2, 12, 9}}, 6 * 5 * 32, 50},
+        {{.encoder = EncoderKind::impala, .observation = {1, 12, 9}}, 2 * 2 * 32, 512},
     };
     for (const auto& [config, features, size] : shapes) {
         auto encoder = make(config);
-        const auto x = encoder->trunk(frames(2, config.stack, config.frame_height, config.frame_width));
+        const auto x =
+            encoder->trunk(frames(2, config.observation[0], config.observation[1], config.observation[2]));
         EXPECT_EQ(x.sizes(), (std::vector<std::int64_t>{2, features}));
         EXPECT_EQ(encoder->critic_branch(x).sizes(), (std::vector<std::int64_t>{2, size}));
         EXPECT_EQ(encoder->actor_branch(x).sizes(), (std::vector<std::int64_t>{2, size}));
@@ -131,8 +132,9 @@ TEST(Encoder, RowsOfRow1dDoNotMix) {
 }
 
 TEST(Encoder, TheActorsBranchDoesNotTrainTheTrunk) {
-    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
-        auto encoder = make({.encoder = kind, .frame_height = 12, .frame_width = 12});
+    for (const auto kind :
+         {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala, EncoderKind::mlp}) {
+        auto encoder = make({.encoder = kind, .observation = {4, 12, 12}});
         const auto x = encoder->trunk(frames(2, 4, 12, 12));
         encoder->actor_branch(x).sum().backward();
         for (const auto& parameter : encoder->named_parameters()) {
@@ -148,7 +150,7 @@ TEST(Encoder, TheActorsBranchDoesNotTrainTheTrunk) {
 
 TEST(Encoder, LayerNormHasTheReferencesEpsilon) {
     const torch::NoGradGuard no_grad;
-    auto encoder = make({.encoder = EncoderKind::phi_sac, .frame_height = 12, .frame_width = 12});
+    auto encoder = make({.encoder = EncoderKind::phi_sac, .observation = {4, 12, 12}});
     encoder->to(torch::kFloat64);
     auto x = torch::zeros({1, 6 * 6 * 32}, torch::kFloat64);
     auto weight = encoder->named_parameters()["critic_fc.weight"];
@@ -173,13 +175,45 @@ TEST(Encoder, RefusesOtherShapesAndTypesNamingBoth) {
     EXPECT_THAT(message(frames(1, 3)),
                 testing::AllOf(testing::HasSubstr("[B, 4, 84, 84]"), testing::HasSubstr("[1, 3, 84, 84]")));
     EXPECT_THAT(message(torch::rand({1, 4, 84, 84})), testing::HasSubstr("float"));
-    EXPECT_THROW(make({.stack = 0}), std::invalid_argument);
+    EXPECT_THROW(make({.observation = {0, 84, 84}}), std::invalid_argument);
+}
+
+TEST(Encoder, MlpReadsBytesAsWellAsFrames) {
+    auto of_bytes = make({.encoder = EncoderKind::mlp, .observation = {4, 128}});
+    const auto bytes = torch::randint(0, 256, {3, 4, 128}, generator(5), torch::kUInt8);
+    const auto x = of_bytes->trunk(bytes);
+    EXPECT_EQ(x.sizes(), (std::vector<std::int64_t>{3, 256}));
+    EXPECT_EQ(of_bytes->actor_branch(x).sizes(), (std::vector<std::int64_t>{3, 512}));
+    EXPECT_EQ(of_bytes->named_parameters()["fc1.weight"].sizes(), (std::vector<std::int64_t>{256, 512}));
+    // The same numbers as one image, whose rows are the bytes: flattened in the same order.
+    auto of_frames = make({.encoder = EncoderKind::mlp, .observation = {4, 8, 16}});
+    EXPECT_TRUE(torch::equal(of_frames->trunk(bytes.view({3, 4, 8, 16})), x));
+    const torch::NoGradGuard no_grad;
+    for (auto& parameter : of_bytes->named_parameters()) parameter.value().fill_(1.0 / 256);
+    // Bytes are divided by 255: 512 ones, each by 1 / 256, and a bias.
+    const auto ones = of_bytes->trunk(torch::full({1, 4, 128}, 255, torch::kUInt8));
+    EXPECT_FLOAT_EQ(ones[0][0].item<float>(), 2 + 1.0f / 256 + 1.0f / 256);
+}
+
+TEST(Encoder, ConvolutionsOfBytesAreRefusedWithTheWayOut) {
+    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
+        try {
+            make({.encoder = kind, .observation = {4, 128}});
+            ADD_FAILURE() << "accepted";
+        } catch (const std::invalid_argument& error) {
+            EXPECT_EQ(error.what(), "agent.encoder " +
+                                        std::string(names_of(kind)[static_cast<std::size_t>(kind)]) +
+                                        " convolves frames, and an observation is [4, 128] bytes: set "
+                                        "agent.encoder to mlp, or env.obs to pixels");
+        }
+    }
 }
 
 TEST(Encoder, DoublePrecisionAgreesWithSingle) {
     const torch::NoGradGuard no_grad;
-    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
-        auto encoder = make({.encoder = kind, .frame_height = 20, .frame_width = 20});
+    for (const auto kind :
+         {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala, EncoderKind::mlp}) {
+        auto encoder = make({.encoder = kind, .observation = {4, 20, 20}});
         const auto x = frames(2, 4, 20, 20);
         const auto single = encoder->critic_branch(encoder->trunk(x));
         encoder->to(torch::kFloat64);
@@ -192,7 +226,7 @@ TEST(Encoder, UnpaddedItHasTheShapesOfMnihEtAl) {
     // 84 -> 20 -> 9 -> 7
     const auto features = [](EncoderKind kind, std::int64_t side) {
         const EncoderConfig config{
-            .encoder = kind, .frame_height = side, .frame_width = side, .padding = Padding::valid};
+            .encoder = kind, .observation = {4, side, side}, .padding = Padding::valid};
         return ConvEncoder(config, generator())->size();
     };
     EXPECT_EQ(features(EncoderKind::phi_dqn, 84), 7 * 7 * 64);
@@ -202,7 +236,7 @@ TEST(Encoder, UnpaddedItHasTheShapesOfMnihEtAl) {
 
 TEST(ConvEncoder, IsATrunkAndNothingElse) {
     const torch::NoGradGuard no_grad;
-    const EncoderConfig config{.encoder = EncoderKind::phi_dqn, .frame_height = 20, .frame_width = 20};
+    const EncoderConfig config{.encoder = EncoderKind::phi_dqn, .observation = {4, 20, 20}};
     ConvEncoder alone(config, generator());
     auto branched = make(config);
     EXPECT_EQ(names(*alone), (std::set<std::string>{"conv1.weight", "conv1.bias", "conv2.weight",

@@ -13,7 +13,8 @@ namespace {
 TEST(NoValues, HaveTheSizeOfTheWholeNetwork) {
     const auto generator = at::detail::createCPUGenerator(1);
     const HeadConfig head{.hidden_layers = 2, .hidden_units = 24};
-    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
+    for (const auto kind :
+         {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala, EncoderKind::mlp}) {
         const EncoderConfig encoder{.encoder = kind};
         EXPECT_EQ(parameter_bytes(*SacNetwork(encoder, head, no_values())),
                   parameter_bytes(*SacNetwork(encoder, head, generator)));

@@ -21,14 +21,14 @@ torch::Tensor frames(std::int64_t batch = 3) {
 
 PpoNetwork make(Torso torso, std::int64_t num_actions, EncoderKind encoder = EncoderKind::phi_dqn) {
     return PpoNetwork(
-        PpoNetworkConfig{.encoder = {.encoder = encoder, .stack = 2, .frame_height = 40, .frame_width = 40},
-                         .torso = torso},
+        PpoNetworkConfig{.encoder = {.encoder = encoder, .observation = {2, 40, 40}}, .torso = torso},
         num_actions, generator());
 }
 
 TEST(PpoNetwork, APolicyAndAValueFromEveryTorso) {
     for (const auto torso : {Torso::two_branch, Torso::shared}) {
-        for (const auto encoder : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala}) {
+        for (const auto encoder :
+             {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala, EncoderKind::mlp}) {
             auto joystick = make(torso, 0, encoder);
             const auto [gaussian, value] = joystick(frames());
             ASSERT_TRUE(gaussian.gaussian);

@@ -170,9 +170,9 @@ TEST(QHead, NeedsAnActionAUnitAndAnAtom) {
 
 TEST(QNetwork, IsAnEncoderAndAHead) {
     const torch::NoGradGuard no_grad;
-    QNetwork network(
-        EncoderConfig{.encoder = EncoderKind::phi_dqn, .stack = 2, .frame_height = 12, .frame_width = 12},
-        QHeadConfig{.num_actions = 4, .hidden_units = 6, .num_atoms = 3, .noisy = true}, generator());
+    QNetwork network(EncoderConfig{.encoder = EncoderKind::phi_dqn, .observation = {2, 12, 12}},
+                     QHeadConfig{.num_actions = 4, .hidden_units = 6, .num_atoms = 3, .noisy = true},
+                     generator());
     const auto observation = torch::randint(0, 256, {5, 2, 12, 12}, generator(2), torch::kUInt8);
     const auto noise = network->head->draw_noise(generator(3));
     const auto output = network(observation, &noise);

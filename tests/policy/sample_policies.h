@@ -8,109 +8,126 @@
 #include <utility>
 #include <vector>
 
+#include "policy/encoder_layers.h"
+#include "policy/inference_plan.h"
 #include "policy/policy_file.h"
-#include "policy/program.h"
 
 namespace cale::test {
 
-using Net = PolicyNetwork;
-
 struct SampleNetwork {
     std::string name;
-    PolicyNetwork network;
+    NetworkSpec network;
 };
 
 /// Two frames of 21 x 18 pixels.
-inline PolicyNetwork small(PolicyNetwork network) {
-    network.stack = 2;
-    network.frame_height = 21;
-    network.frame_width = 18;
-    network.hidden_units = 20;
-    if (!network.continuous()) network.num_actions = 5;
+inline const std::vector<std::int64_t> kSmallFrames{2, 21, 18};
+inline constexpr std::int64_t kSmallUnits = 20, kSmallActions = 5;
+
+/// An actor behind this encoder, and behind what follows it.
+inline NetworkSpec actor(const Layers& encoder, const Layers& branch,
+                         Head::Kind head = Head::Kind::squashed_gaussian, std::int64_t hidden = 1,
+                         Layer::Kind activation = Layer::Kind::relu) {
+    const Head acting{.kind = head};
+    return {kSmallFrames,
+            chain({prefixed("encoder.", encoder), prefixed("encoder.", branch),
+                   prefixed("actor.", hidden_layers(hidden, kSmallUnits, activation))}),
+            {.kind = head, .num_actions = acting.continuous() ? 0 : kSmallActions}};
+}
+
+/// Action values behind this encoder.
+inline NetworkSpec action_values(const Layers& encoder, bool dueling = false, std::int64_t atoms = 1) {
+    return {kSmallFrames,
+            chain({prefixed("encoder.", encoder),
+                   prefixed("head.", hidden_layers(1, kSmallUnits, Layer::Kind::relu))}),
+            {Head::Kind::values, kSmallActions, dueling, atoms}};
+}
+
+inline NetworkSpec with_observation(std::vector<std::int64_t> observation, NetworkSpec network) {
+    network.observation = std::move(observation);
     return network;
+}
+
+/// Layers in every order that readers have to care about: residual blocks of several kinds, numbers of
+/// channels that fill no vector, a norm behind an image.
+inline NetworkSpec mixture() {
+    using Kind = Layer::Kind;
+    const auto of = [](Kind kind) { return Layer::of(kind); };
+    return with_observation({3, 20, 25}, {.layers = {Layer::conv("encoder.patches", 6, 4, 4, Padding::valid),
+                                                     of(Kind::relu),
+                                                     of(Kind::keep),
+                                                     Layer::conv("encoder.mix", 6, 3, 1),
+                                                     of(Kind::relu),
+                                                     of(Kind::add_kept),
+                                                     of(Kind::keep),
+                                                     Layer::conv("encoder.direct", 6, 5, 1),
+                                                     of(Kind::add_kept),
+                                                     of(Kind::tanh),
+                                                     of(Kind::keep),
+                                                     of(Kind::relu),
+                                                     of(Kind::add_kept),
+                                                     Layer::conv("encoder.rows", 16, 3, 2, {}, true),
+                                                     Layer::max_pool(2, 2),
+                                                     Layer::conv("encoder.last", 5, 3, 1),
+                                                     of(Kind::flatten),
+                                                     Layer::layer_norm("encoder.norm"),
+                                                     Layer::dense("actor.fc1", 12),
+                                                     of(Kind::keep),
+                                                     of(Kind::relu),
+                                                     Layer::dense("actor.fc2", 12),
+                                                     of(Kind::add_kept),
+                                                     of(Kind::keep),
+                                                     Layer::layer_norm("actor.norm"),
+                                                     of(Kind::tanh),
+                                                     of(Kind::add_kept)},
+                                          .head = {Head::Kind::categorical, kSmallActions}});
 }
 
 /// Every encoder, branch and head that an agent has, and what they can be combined with.
 inline std::vector<SampleNetwork> sample_networks() {
-    const Net sac{};
-    Net sac_dqn = sac, sac_rows = sac, sac_impala = sac, sacd = sac, deep = sac, flat = sac;
-    sac_dqn.encoder = sac_rows.encoder = Net::Encoder::phi_dqn;
-    sac_rows.phi_dqn = Net::Rows::row1d;
-    sac_impala.encoder = Net::Encoder::impala;
-    sacd.head = Net::Head::categorical;
-    deep.hidden_layers = 3;
-    flat.hidden_layers = 0;
-
-    Net ppo = sac, ppo_discrete = sac, ppo_shared = sac;
-    for (auto* network : {&ppo, &ppo_discrete, &ppo_shared}) {
-        network->head = Net::Head::gaussian;
-        network->activation = Net::Activation::tanh;
-        network->hidden_layers = 2;
-    }
-    ppo_discrete.head = Net::Head::categorical;
-    ppo_shared.encoder = Net::Encoder::phi_sac;
-    ppo_shared.branch = Net::Branch::shared;
-    ppo_shared.padding = Net::Padding::valid;
-
-    Net dqn = sac, dueling = sac, der = sac, der_impala = sac;
-    for (auto* network : {&dqn, &dueling, &der, &der_impala}) {
-        network->encoder = Net::Encoder::phi_dqn;
-        network->branch = Net::Branch::none;
-        network->head = Net::Head::values;
-    }
-    dueling.dueling = der.dueling = der_impala.dueling = true;
-    der.num_atoms = der_impala.num_atoms = 51;
-    der_impala.encoder = Net::Encoder::impala;
-
-    std::vector<SampleNetwork> samples;
-    for (const auto& [name, network] : {std::pair{"sac", sac},
-                                        {"sac_dqn", sac_dqn},
-                                        {"sac_rows", sac_rows},
-                                        {"sac_impala", sac_impala},
-                                        {"sacd", sacd},
-                                        {"deep", deep},
-                                        {"flat", flat},
-                                        {"ppo", ppo},
-                                        {"ppo_discrete", ppo_discrete},
-                                        {"ppo_shared", ppo_shared},
-                                        {"dqn", dqn},
-                                        {"dueling", dueling},
-                                        {"der", der},
-                                        {"der_impala", der_impala}})
-        samples.push_back({name, small(network)});
-    return samples;
+    const auto tanh_actor = tanh_branch("actor"), relu_actor = relu_branch("actor", false);
+    const Layers shared{Layer::dense("fc", 512), Layer::of(Layer::Kind::relu)};
+    constexpr auto tanh = Layer::Kind::tanh;
+    using enum Head::Kind;
+    return {{"sac", actor(phi_sac(), tanh_actor)},
+            {"sac_dqn", actor(phi_dqn(), relu_actor)},
+            {"sac_rows", actor(phi_dqn(Padding::same, true), relu_actor)},
+            {"sac_impala", actor(impala(), relu_actor)},
+            {"sac_mlp", actor(mlp(), relu_actor)},
+            {"sacd", actor(phi_sac(), tanh_actor, categorical)},
+            {"deep", actor(phi_sac(), tanh_actor, squashed_gaussian, 3)},
+            {"flat", actor(phi_sac(), tanh_actor, squashed_gaussian, 0)},
+            {"bare", actor(phi_sac(), {}, squashed_gaussian, 0)},
+            {"ppo", actor(phi_sac(), tanh_actor, gaussian, 2, tanh)},
+            {"ppo_discrete", actor(phi_sac(), tanh_actor, categorical, 2, tanh)},
+            {"ppo_shared", actor(phi_sac(Padding::valid), shared, gaussian, 2, tanh)},
+            {"ppo_ram", with_observation({4, 128}, actor(mlp(), relu_actor, gaussian, 2, tanh))},
+            {"dqn", action_values(phi_dqn())},
+            {"dqn_ram", with_observation({4, 128}, action_values(mlp()))},
+            {"dueling", action_values(phi_dqn(), true)},
+            {"der", action_values(phi_dqn(), true, 51)},
+            {"der_impala", action_values(impala(), true, 51)},
+            {"mixture", mixture()}};
 }
 
 /// What it needs beside its weights.
-inline PolicyInfo sample_info(const PolicyNetwork& network) {
+inline PolicyInfo sample_info(const NetworkSpec& network) {
     PolicyInfo info;
     info.game = "Breakout";
     info.agent = "sac";
-    info.action_space = network.continuous() ? "continuous" : "minimal";
-    for (std::int64_t i = 0; i < network.num_actions; ++i) info.actions.push_back(static_cast<Event>(i));
+    info.action_space = network.head.continuous() ? "continuous" : "minimal";
+    for (std::int64_t i = 0; i < network.head.num_actions; ++i) info.actions.push_back(static_cast<Event>(i));
     info.encoder = "phi_sac";
-    info.stack = network.stack;
-    info.frame_height = network.frame_height;
-    info.frame_width = network.frame_width;
+    set_observation(info, network.observation);
     info.epsilon = 0.25;
     info.provenance = {{"seed", "7"}, {"config", "env:\n  game: breakout\n"}};
     return info;
 }
 
-/// The golden pair that this library makes of the policy's weights.
-inline void set_golden(PolicyFile& policy) {
-    policy.golden.observation = golden_observation(policy.info);
-    const lite::Program program(policy);
-    std::vector<float> memory(program.memory_size);
-    const auto output = program.run(policy.golden.observation, memory);
-    policy.golden.output.assign(output.begin(), output.end());
-}
-
 /// With random weights about as large as an initialiser's.
-inline PolicyFile sample_policy(const PolicyNetwork& network, std::uint32_t seed = 1) {
+inline PolicyFile sample_policy(const NetworkSpec& network, std::uint32_t seed = 1) {
     PolicyFile policy{.info = sample_info(network), .network = network, .weights = {}, .golden = {}};
     std::mt19937 random(seed);
-    for (const auto& [name, type, shape] : parameters_of(network)) {
+    for (const auto& [name, shape] : parameter_shapes(network)) {
         std::int64_t count = 1;
         for (const auto size : shape) count *= size;
         const float bound = 1.5f / std::sqrt(static_cast<float>(count / shape.front()));
@@ -118,7 +135,7 @@ inline PolicyFile sample_policy(const PolicyNetwork& network, std::uint32_t seed
         auto& numbers = policy.weights[name];
         for (std::int64_t i = 0; i < count; ++i) numbers.push_back(uniform(random));
     }
-    set_golden(policy);
+    set_golden_pair(policy);
     return policy;
 }
 

@@ -18,12 +18,9 @@ using SessionHandle = std::unique_ptr<cale_session, decltype(&cale_session_free)
 
 /// A policy of the ordinary size.
 std::string contents() {
-    PolicyNetwork network;
-    network.encoder = PolicyNetwork::Encoder::phi_dqn;
-    network.branch = PolicyNetwork::Branch::none;
-    network.head = PolicyNetwork::Head::values;
-    network.hidden_units = 8;
-    network.num_actions = 4;
+    const NetworkSpec network{.layers = chain({prefixed("encoder.", phi_dqn()),
+                                               {Layer::dense("head.fc1", 8), Layer::of(Layer::Kind::relu)}}),
+                              .head = {.kind = Head::Kind::values, .num_actions = 4}};
     return policy_file_contents(test::sample_policy(network));
 }
 

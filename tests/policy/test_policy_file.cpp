@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "policy/policy_lite.h"
+#include "policy/policy_texts.h"
 #include "policy/sample_policies.h"
 
 namespace cale {
@@ -55,7 +56,8 @@ TEST(PolicyFileTest, ReadsWhatItWrites) {
         EXPECT_EQ(read.info.frame_skip, 5);
         EXPECT_EQ(read.info.epsilon, 0.25);
         EXPECT_EQ(read.info.provenance, written.info.provenance);
-        EXPECT_EQ(read.info.stack, network.stack);
+        EXPECT_EQ(read.info.stack, network.observation.front());
+        EXPECT_EQ(read.network, network);
         EXPECT_EQ(error_of(policy_file_contents(written)), "no error");
     }
 }
@@ -121,18 +123,12 @@ TEST(PolicyFileDamage, NumbersThatAreNone) {
     }
 }
 
-/// The contents with a text of the metadata replaced and the checksum made right again.
-std::string with_text(const std::string& key, const std::string& text) {
-    auto policy = small_sac();
+/// The contents with other texts in the metadata, and the checksum made right again.
+std::string with_texts(const PolicyFile& policy, const std::function<void(Texts&)>& change) {
     auto texts = policy_file_texts(policy);
-    // Through the format itself: provenance may not be called like one of its own keys.
     const auto stored_contents = policy_file_contents(policy);
     const auto stored = stored_tensors(stored_contents);
-    if (text == "(missing)") {
-        texts.erase(key);
-    } else {
-        texts[key] = text;
-    }
+    change(texts);
     texts["checksum"] = policy_checksum(texts, stored.tensors);
     std::vector<NamedShape> order;
     std::string data;
@@ -141,6 +137,16 @@ std::string with_text(const std::string& key, const std::string& text) {
         data += tensor.bytes;
     }
     return safetensors_header(order, texts) + data;
+}
+
+/// Changes one text, or removes it: "(missing)".
+void set_text(Texts& texts, const std::string& key, const std::string& text) {
+    texts[key] = text;
+    if (text == "(missing)") texts.erase(key);
+}
+
+std::string with_text(const std::string& key, const std::string& text) {
+    return with_texts(small_sac(), [&](Texts& texts) { set_text(texts, key, text); });
 }
 
 TEST(PolicyFileDamage, Texts) {
@@ -154,37 +160,144 @@ TEST(PolicyFileDamage, Texts) {
     EXPECT_EQ(error("threshold", ""), metadata("'threshold' is '': it must be a number from 0 to 1"));
     EXPECT_EQ(error("frame_skip", "4x"),
               metadata("'frame_skip' is '4x': it must be a whole number from 1 to 64"));
-    EXPECT_EQ(error("hidden_layers", "99999999999999999999"),
-              metadata("'hidden_layers' is '99999999999999999999': it must be a whole number from 0 to 16"));
-    EXPECT_EQ(error("dueling", "yes"), metadata("'dueling' is 'yes': it must be true or false"));
-    EXPECT_EQ(error("head", "softmax"), metadata("'head' is 'softmax': it must be one of squashed_gaussian, "
-                                                 "gaussian, categorical, values"));
+    EXPECT_EQ(error("frame_skip", "99999999999999999999"),
+              metadata("'frame_skip' is '99999999999999999999': it must be a whole number from 1 to 64"));
+    EXPECT_EQ(error("paddle_radius", "yes"), metadata("'paddle_radius' is 'yes': it must be true or false"));
+    EXPECT_EQ(error("event_map", "round"),
+              metadata("'event_map' is 'round': it must be one of symmetric, ale_0_10"));
     EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));
+    EXPECT_EQ(error("network", "(missing)"), metadata("'network' is missing"));
+    EXPECT_THAT(error("network", "observation 2 21 18; softmax"), HasSubstr("its network has no layers"));
     EXPECT_EQ(error("action_space", "none"),
               metadata("'action_space' is 'none': it must be one of continuous, minimal, full"));
     EXPECT_THAT(error("actions", "NOOP"), HasSubstr("the action space 'continuous' has no list of actions"));
     EXPECT_THAT(error("actions", "JUMP"), HasSubstr("joystick events by their names"));
     EXPECT_THAT(error("action_space", "minimal"),
                 HasSubstr("head does not act on the action space 'minimal'"));
-    EXPECT_THAT(error("cale_policy", "2"),
-                HasSubstr("its format is version '2', this program reads version 1"));
+    EXPECT_THAT(error("cale_policy", "3"),
+                HasSubstr("its format is version '3', this program reads version 1 and version 2"));
     EXPECT_THAT(error("cale_policy", "(missing)"), HasSubstr("not a policy that cale export made"));
 }
 
+/// The error with one part of the network's text replaced.
+std::string error_with_network(const std::string& part, const std::string& replacement) {
+    return error_of(with_texts(small_sac(), [&](Texts& texts) {
+        auto& text = texts.at("network");
+        text.replace(text.find(part), part.size(), replacement);
+    }));
+}
+
 TEST(PolicyFileDamage, NetworksThatDoNotFitTheirWeights) {
-    EXPECT_THAT(error_of(with_text("hidden_units", "21")),
+    EXPECT_THAT(error_with_network("fc1 20", "fc1 21"),
                 HasSubstr("tensor 'actor.fc1.weight' is F32 [20, 50]: its network needs F32 [21, 50]"));
-    EXPECT_THAT(error_of(with_text("hidden_units", "65536")), HasSubstr("its network needs F32 [65536, 50]"));
-    EXPECT_THAT(error_of(with_text("frame_height", "512")), HasSubstr("its network needs"));
-    EXPECT_THAT(error_of(with_text("hidden_layers", "0")),
+    EXPECT_THAT(error_with_network("fc1 20", "fc1 65536"), HasSubstr("its network needs F32 [65536, 50]"));
+    EXPECT_THAT(error_with_network("2 21 18", "2 512 512"), HasSubstr("its network needs"));
+    EXPECT_THAT(error_with_network("dense actor.fc1 20; ", ""),
                 HasSubstr("tensor 'actor.fc1.bias' is no part of its network"));
-    EXPECT_THAT(error_of(with_text("hidden_layers", "2")), HasSubstr("tensor 'actor.fc2.weight' is missing"));
-    EXPECT_THAT(error_of(with_text("padding", "valid")), HasSubstr("its network needs"));
+    EXPECT_THAT(
+        error_with_network("dense actor.fc1 20; relu", "dense actor.fc1 20; relu; dense actor.fc2 20"),
+        HasSubstr("tensor 'actor.fc2.weight' is missing"));
+    EXPECT_THAT(error_with_network("dense encoder.actor_fc 50; layer_norm encoder.actor_ln",
+                                   "dense encoder.actor_fc 50"),
+                HasSubstr("tensor 'encoder.actor_ln.bias' is no part of its network"));
+    EXPECT_THAT(error_with_network("same", "valid"), HasSubstr("its network needs"));
+    EXPECT_THAT(error_with_network("squashed_gaussian", "categorical 6"),
+                HasSubstr("head does not act on the action space 'continuous'"));
+    const auto dqn = sample_policy(test::action_values(phi_dqn()));
+    EXPECT_THAT(error_of(with_texts(dqn, [](Texts& texts) { texts["actions"] = "NOOP FIRE"; })),
+                HasSubstr("another number of actions than are listed"));
+}
+
+/// The file as version 1 had it: a network by the names of its parts.
+std::string of_version_1(const PolicyFile& policy, const std::map<std::string, std::string>& parts) {
+    return with_texts(policy, [&](Texts& texts) {
+        texts.erase("network");
+        texts["cale_policy"] = "1";
+        for (const auto& [key, text] : Texts{{"stack", "2"},
+                                             {"frame_height", "21"},
+                                             {"frame_width", "18"},
+                                             {"encoder", "phi_sac"},
+                                             {"phi_dqn", "conv2d"},
+                                             {"padding", "same"},
+                                             {"branch", "actor"},
+                                             {"hidden_layers", "1"},
+                                             {"hidden_units", "20"},
+                                             {"activation", "relu"},
+                                             {"head", "squashed_gaussian"},
+                                             {"dueling", "false"},
+                                             {"num_atoms", "1"},
+                                             {"value_limit", "10"}})
+            texts[key] = text;
+        for (const auto& [key, text] : parts) set_text(texts, key, text);
+    });
+}
+
+TEST(PolicyFileVersion1, IsReadAsTheNetworkThatItWas) {
+    const std::map<std::string, Texts> parts{
+        {"sac", {}},
+        {"sac_dqn", {{"encoder", "phi_dqn"}}},
+        {"sac_rows", {{"encoder", "phi_dqn"}, {"phi_dqn", "row1d"}}},
+        {"sac_impala", {{"encoder", "impala"}, {"padding", "valid"}}},  // which always pads
+        {"sacd", {{"head", "categorical"}}},
+        {"deep", {{"hidden_layers", "3"}}},
+        {"flat", {{"hidden_layers", "0"}}},
+        {"ppo", {{"head", "gaussian"}, {"hidden_layers", "2"}, {"activation", "tanh"}}},
+        {"ppo_discrete", {{"head", "categorical"}, {"hidden_layers", "2"}, {"activation", "tanh"}}},
+        {"ppo_shared",
+         {{"head", "gaussian"},
+          {"hidden_layers", "2"},
+          {"activation", "tanh"},
+          {"branch", "shared"},
+          {"padding", "valid"}}},
+        {"dqn", {{"encoder", "phi_dqn"}, {"branch", "none"}, {"head", "values"}}},
+        {"der",
+         {{"encoder", "phi_dqn"},
+          {"branch", "none"},
+          {"head", "values"},
+          {"dueling", "true"},
+          {"num_atoms", "51"}}},
+        {"der_impala",
+         {{"encoder", "impala"},
+          {"branch", "none"},
+          {"head", "values"},
+          {"dueling", "true"},
+          {"num_atoms", "51"}}}};
+    std::size_t seen = 0;
+    for (const auto& [name, network] : test::sample_networks()) {
+        const auto found = parts.find(name);
+        if (found == parts.end()) continue;
+        ++seen;
+        SCOPED_TRACE(name);
+        const auto contents = of_version_1(sample_policy(network), found->second);
+        EXPECT_EQ(error_of(contents), "no error");
+        const auto read = parse_policy_file(contents);
+        EXPECT_EQ(read.network, network);
+        EXPECT_EQ(read.info.provenance, sample_policy(network).info.provenance);
+    }
+    EXPECT_EQ(seen, parts.size());
+}
+
+TEST(PolicyFileVersion1, IsCheckedAsStrictly) {
+    const auto error = [](const std::string& key, const std::string& text) {
+        return error_of(of_version_1(small_sac(), {{key, text}}));
+    };
+    const auto metadata = [](const std::string& what) { return "'x' cannot be used: its metadata " + what; };
+    EXPECT_EQ(error("hidden_layers", "99999999999999999999"),
+              metadata("'hidden_layers' is '99999999999999999999': it must be a whole number from 0 to 16"));
+    EXPECT_EQ(error("dueling", "yes"), metadata("'dueling' is 'yes': it must be true or false"));
+    EXPECT_EQ(error("head", "softmax"), metadata("'head' is 'softmax': it must be one of squashed_gaussian, "
+                                                 "gaussian, categorical, values"));
+    EXPECT_EQ(error("encoder", "mlp"),
+              metadata("'encoder' is 'mlp': it must be one of phi_sac, phi_dqn, impala"));
+    EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));
+    EXPECT_THAT(error("hidden_units", "65536"), HasSubstr("its network needs F32 [65536, 50]"));
+    EXPECT_THAT(error("hidden_layers", "0"), HasSubstr("tensor 'actor.fc1.bias' is no part of its network"));
+    EXPECT_THAT(error("padding", "valid"), HasSubstr("its network needs"));
 }
 
 TEST(PolicyFileTest, ProvenanceMayNotBeCalledLikeASetting) {
     auto policy = small_sac();
-    for (const auto* name : {"threshold", "checksum", "cale_policy"}) {
+    for (const auto* name : {"threshold", "checksum", "cale_policy", "network"}) {
         policy.info.provenance = {{name, "1"}};
         EXPECT_THROW(policy_file_contents(policy), std::invalid_argument);
     }

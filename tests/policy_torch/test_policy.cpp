@@ -10,6 +10,7 @@
 #include <torch/utils.h>
 
 #include "networks/actor_critic.h"
+#include "networks/policy_weights.h"
 #include "networks/ppo_network.h"
 #include "networks/q_network.h"
 #include "policy/policy_lite.h"
@@ -19,16 +20,16 @@
 namespace cale {
 namespace {
 
-using test::Net;
 using test::sample_policy;
 using ::testing::HasSubstr;
 
 /// Noise, and some frames that are nearly empty, as games have them.
-torch::Tensor observations(const PolicyNetwork& network, std::int64_t count) {
+torch::Tensor observations(const NetworkSpec& network, std::int64_t count) {
     auto generator = at::make_generator<at::CPUGeneratorImpl>(5);
-    auto frames = torch::randint(0, 256, {count, network.stack, network.frame_height, network.frame_width},
-                                 generator, torch::kUInt8);
-    frames.slice(0, 0, count / 2).slice(3, 2).zero_();
+    auto shape = network.observation;
+    shape.insert(shape.begin(), count);
+    auto frames = torch::randint(0, 256, shape, generator, torch::kUInt8);
+    frames.slice(0, 0, count / 2).slice(-1, 2).zero_();
     return frames;
 }
 
@@ -57,7 +58,7 @@ TEST_P(PolicyOf, LibTorchAndLiteAgree) {
         const auto frame = frames[i].contiguous();
         EXPECT_LT(relative_difference(outputs[i], lite.output(bytes_of(frame), workspace)), 1e-5);
         const auto decision = lite.act(bytes_of(frame), workspace);
-        if (network.continuous()) {
+        if (network.head.continuous()) {
             EXPECT_NEAR(decision.stick.radius, actions[i][0].item<float>(), 1e-5);
             EXPECT_NEAR(decision.stick.theta, actions[i][1].item<float>(), 1e-4);
             EXPECT_NEAR(decision.stick.fire, actions[i][2].item<float>(), 1e-5);
@@ -73,35 +74,29 @@ TEST_P(PolicyOf, LibTorchAndLiteAgree) {
 INSTANTIATE_TEST_SUITE_P(EveryKind, PolicyOf, testing::ValuesIn(test::sample_networks()),
                          [](const auto& sample) { return sample.param.name; });
 
-/// The policy with the weights of a network of agents.
-Policy with_weights_of(const torch::nn::Module& module, const PolicyNetwork& network) {
+/// The policy of a network of agents.
+template <class Network>
+Policy policy_of(const Network& module) {
+    const auto& network = module->acting;
     PolicyFile file{.info = test::sample_info(network), .network = network, .weights = {}, .golden = {}};
-    const auto parameters = module.named_parameters();
-    for (const auto& [name, type, shape] : parameters_of(network)) {
-        const auto tensor = parameters[name].detach().contiguous();
-        EXPECT_EQ(tensor.sizes(), at::IntArrayRef(shape)) << name;
-        file.weights[name].assign(tensor.const_data_ptr<float>(),
-                                  tensor.const_data_ptr<float>() + tensor.numel());
+    for (const auto& [name, tensor] : policy_weights(network, *module)) {
+        file.weights[name].assign(tensor.template const_data_ptr<float>(),
+                                  tensor.template const_data_ptr<float>() + tensor.numel());
     }
-    test::set_golden(file);
+    set_golden_pair(file);
     return Policy::parse(policy_file_contents(file));
 }
 
-EncoderConfig encoder_of(const PolicyNetwork& network) {
-    return {.encoder = static_cast<EncoderKind>(network.encoder),
-            .phi_dqn = static_cast<PhiDqn>(network.phi_dqn),
-            .stack = network.stack,
-            .frame_height = network.frame_height,
-            .frame_width = network.frame_width};
-}
-
 /// The encoders that agents choose from.
-std::vector<PolicyNetwork> with_every_encoder(PolicyNetwork network) {
-    auto sac = network, dqn = network, rows = network, impala = network;
-    dqn.encoder = rows.encoder = Net::Encoder::phi_dqn;
-    rows.phi_dqn = Net::Rows::row1d;
-    impala.encoder = Net::Encoder::impala;
-    return {sac, dqn, rows, impala};
+std::vector<EncoderConfig> every_encoder() {
+    using enum EncoderKind;
+    return {{.encoder = phi_sac, .observation = test::kSmallFrames},
+            {.encoder = phi_dqn, .observation = test::kSmallFrames},
+            {.encoder = phi_dqn, .phi_dqn = PhiDqn::row1d, .observation = test::kSmallFrames},
+            {.encoder = phi_dqn, .observation = {4, 84, 84}, .padding = Padding::valid},
+            {.encoder = impala, .observation = test::kSmallFrames},
+            {.encoder = mlp, .observation = test::kSmallFrames},
+            {.encoder = mlp, .observation = {4, 128}}};
 }
 
 at::Generator generator() {
@@ -110,10 +105,10 @@ at::Generator generator() {
 
 TEST(PolicyEqualsNetwork, Sac) {
     const torch::NoGradGuard no_grad;
-    for (const auto& network : with_every_encoder(test::small({}))) {
-        SacNetwork module(encoder_of(network), HeadConfig{1, network.hidden_units}, generator());
-        const auto policy = with_weights_of(*module, network);
-        const auto frames = observations(network, 8);
+    for (const auto& encoder : every_encoder()) {
+        SacNetwork module(encoder, HeadConfig{1, test::kSmallUnits}, generator());
+        const auto policy = policy_of(module);
+        const auto frames = observations(module->acting, 8);
         const auto expected = module->policy(module->encoder->trunk(frames));
         EXPECT_TRUE(at::equal(policy.act(frames), mean_action(expected, module->box)));
         auto random = generator();
@@ -125,12 +120,10 @@ TEST(PolicyEqualsNetwork, Sac) {
 
 TEST(PolicyEqualsNetwork, Sacd) {
     const torch::NoGradGuard no_grad;
-    PolicyNetwork kind;
-    kind.head = Net::Head::categorical;
-    for (const auto& network : with_every_encoder(test::small(kind))) {
-        SacdNetwork module(encoder_of(network), HeadConfig{1, network.hidden_units}, 5, generator());
-        const auto policy = with_weights_of(*module, network);
-        const auto frames = observations(network, 8);
+    for (const auto& encoder : every_encoder()) {
+        SacdNetwork module(encoder, HeadConfig{1, test::kSmallUnits}, 5, generator());
+        const auto policy = policy_of(module);
+        const auto frames = observations(module->acting, 8);
         const auto expected = module->log_policy(module->encoder->trunk(frames));
         EXPECT_TRUE(at::equal(policy.output(frames), expected));
         EXPECT_TRUE(at::equal(policy.act(frames), expected.argmax(1)));
@@ -140,36 +133,32 @@ TEST(PolicyEqualsNetwork, Sacd) {
     }
 }
 
+void expect_equal_to_policy(PpoNetwork module, std::int64_t actions) {
+    const auto policy = policy_of(module);
+    const auto frames = observations(module->acting, 8);
+    const auto expected = module(frames).policy;
+    auto random = generator();
+    if (actions == 0) {
+        EXPECT_TRUE(at::equal(policy.act(frames), mean_action(*expected.gaussian, module->box)));
+        const auto noise = torch::randn({8, 3}, random);
+        EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                              sample(*expected.gaussian, noise, module->box).action));
+    } else {
+        EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
+                              expected.log_pi.exp().multinomial(1, true, random).squeeze(1)));
+    }
+}
+
 TEST(PolicyEqualsNetwork, Ppo) {
     const torch::NoGradGuard no_grad;
     for (const auto torso : {Torso::two_branch, Torso::shared}) {
-        for (const std::int64_t actions : {0, 5}) {
-            PolicyNetwork kind;
-            kind.head = actions == 0 ? Net::Head::gaussian : Net::Head::categorical;
-            kind.activation = Net::Activation::tanh;
-            kind.hidden_layers = 2;
-            if (torso == Torso::shared) {
-                kind.branch = Net::Branch::shared;
-                kind.padding = Net::Padding::valid;
-            }
-            const auto network = test::small(kind);
-            PpoNetwork module(PpoNetworkConfig{.encoder = encoder_of(network),
-                                               .torso = torso,
-                                               .hidden_units = network.hidden_units,
-                                               .log_std = LogStd::direct},
-                              actions, generator());
-            const auto policy = with_weights_of(*module, network);
-            const auto frames = observations(network, 8);
-            const auto expected = module(frames).policy;
-            auto random = generator();
-            if (actions == 0) {
-                EXPECT_TRUE(at::equal(policy.act(frames), mean_action(*expected.gaussian, module->box)));
-                const auto noise = torch::randn({8, 3}, random);
-                EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
-                                      sample(*expected.gaussian, noise, module->box).action));
-            } else {
-                EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, generator()),
-                                      expected.log_pi.exp().multinomial(1, true, random).squeeze(1)));
+        for (const auto log_std : {LogStd::direct, LogStd::summed}) {
+            for (const std::int64_t actions : {0, 5}) {
+                const PpoNetworkConfig config{.encoder = {.observation = test::kSmallFrames},
+                                              .torso = torso,
+                                              .hidden_units = test::kSmallUnits,
+                                              .log_std = log_std};
+                expect_equal_to_policy(PpoNetwork(config, actions, generator()), actions);
             }
         }
     }
@@ -177,21 +166,17 @@ TEST(PolicyEqualsNetwork, Ppo) {
 
 TEST(PolicyEqualsNetwork, ActionValues) {
     const torch::NoGradGuard no_grad;
-    for (const bool dueling : {false, true}) {
+    for (const bool rainbow : {false, true}) {
         for (const std::int64_t atoms : {1, 51}) {
-            PolicyNetwork kind;
-            kind.branch = Net::Branch::none;
-            kind.head = Net::Head::values;
-            kind.dueling = dueling;
-            kind.num_atoms = atoms;
-            for (const auto& network : with_every_encoder(test::small(kind))) {
+            for (const auto& encoder : every_encoder()) {
                 const QHeadConfig head{.num_actions = 5,
-                                       .hidden_units = network.hidden_units,
+                                       .hidden_units = test::kSmallUnits,
                                        .num_atoms = atoms,
-                                       .dueling = dueling};
-                QNetwork module(encoder_of(network), head, generator());
-                const auto policy = with_weights_of(*module, network);
-                const auto frames = observations(network, 8);
+                                       .dueling = rainbow,
+                                       .noisy = rainbow};
+                QNetwork module(encoder, head, generator());
+                const auto policy = policy_of(module);
+                const auto frames = observations(module->acting, 8);
                 auto expected = module(frames);
                 const auto support = torch::linspace(-10, 10, atoms, torch::kFloat32);
                 expected = atoms == 1 ? expected.squeeze(2) : (expected.softmax(2) * support).sum(2);
@@ -203,10 +188,7 @@ TEST(PolicyEqualsNetwork, ActionValues) {
 }
 
 TEST(PolicyTest, AsEvaluatedDrawsInTheOrderOfTheAgents) {
-    PolicyNetwork kind;
-    kind.head = Net::Head::values;
-    kind.branch = Net::Branch::none;
-    const auto network = test::small(kind);
+    const auto network = test::action_values(phi_sac());
     const auto policy = Policy::parse(policy_file_contents(sample_policy(network)));  // epsilon 0.25
     const auto frames = observations(network, 64);
     auto random = generator();

@@ -113,10 +113,8 @@ TEST_P(RawFramesEmulator, AreSeenAsInTraining) {
 
 TEST_P(RawFramesEmulator, GiveTheReturnsOfAnEvaluation) {
     const auto env_config = config();
-    PolicyNetwork network;
-    network.encoder = PolicyNetwork::Encoder::phi_dqn;
-    network.hidden_units = 32;
-    auto file = test::sample_policy(network);
+    const auto network = test::actor(phi_dqn(), relu_branch("actor", /*layer_norm=*/false));
+    auto file = test::sample_policy(test::with_observation({4, 84, 84}, network));
     file.info.life_loss_ends_episode = env_config.terminal_on_life_loss;
     const auto contents = policy_file_contents(file);
     const auto policy = Policy::parse(contents);

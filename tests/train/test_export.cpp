@@ -26,7 +26,10 @@
 #include "storage/files.h"
 #include "support/temporary_folder.h"
 #include "train/checkpoint.h"
+#include "train/policy_snapshot.h"
 #include "train/safetensors.h"
+#include "train/training.h"
+#include "train/training_world.h"
 
 namespace cale {
 namespace {
@@ -34,30 +37,33 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-/// An agent that has not learned yet, and what it was made with.
+/// An agent that has not learned yet, and the run that it is of.
 struct Case {
     std::string name, agent;
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make;
     std::function<std::string()> config_yaml;
-    ActionSet action_space = ActionSet::continuous;
+    EnvConfig env;
 };
 
 template <class AgentConfig>
 Case make_case(const std::string& name, const std::string& agent, AgentConfig agent_config,
-               ActionSet action_space, std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&)) {
+               ActionSet action_space, std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&),
+               Obs obs = Obs::pixels) {
     if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
-    const auto yaml = [agent_config, action_space] {
+    auto env = protocol_atari100k("breakout");
+    env.action_space = action_space;
+    env.threshold = 0.25;
+    env.obs = obs;
+    const auto yaml = [agent_config, env] {
         RunConfig<AgentConfig> config;
         auto table = settings_of(config);
-        config.env = protocol_atari100k("breakout");
-        config.agent = agent_config;
-        config.env.action_space = action_space;
-        config.env.threshold = 0.25;
+        config.env = env;
         config.env.rom_dir = "/somebody/roms";
+        config.agent = agent_config;
         return table.to_yaml();
     };
     return {name, agent, [agent_config, make](const AgentSpec& spec) { return make(agent_config, spec); },
-            yaml, action_space};
+            yaml, env};
 }
 
 std::vector<Case> cases() {
@@ -79,6 +85,10 @@ std::vector<Case> cases() {
     der.encoder = EncoderKind::impala;
     DerConfig rainbow_parts = der;
     rainbow_parts.distributional = rainbow_parts.noisy = false;
+    SacConfig sac_ram;
+    PpoConfig ppo_ram;
+    DqnConfig dqn_ram;
+    sac_ram.network.encoder = ppo_ram.network.encoder = dqn_ram.encoder = EncoderKind::mlp;
     const auto joystick = ActionSet::continuous;
     return {make_case("sac", "sac", sac, joystick, make_sac),
             make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
@@ -89,16 +99,23 @@ std::vector<Case> cases() {
             make_case("dqn", "dqn", dqn, ActionSet::minimal, make_dqn),
             make_case("nature", "dqn", nature, ActionSet::minimal, make_dqn),
             make_case("der", "der", der, ActionSet::minimal, make_der),
-            make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der)};
+            make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der),
+            make_case("sac_ram", "sac", sac_ram, joystick, make_sac, Obs::ram),
+            make_case("ppo_ram", "ppo", ppo_ram, joystick, make_ppo, Obs::ram),
+            make_case("dqn_ram", "dqn", dqn_ram, ActionSet::minimal, make_dqn, Obs::ram)};
 }
 
-/// What is seen of a game of Breakout that chance plays.
-torch::Tensor game_frames(std::int64_t count) {
-    Env env(protocol_atari100k("breakout"), 3);
-    FrameStack stack(1, 4);
-    std::vector<std::uint8_t> frame(kFrameSize);
+/// What is seen of a game of Breakout that chance plays: [count, stack, ...].
+torch::Tensor game_observations(EnvConfig config, std::int64_t count) {
+    config.action_space = ActionSet::continuous;
+    Env env(config, 3);
+    const auto space = observation_space(config);
+    FrameStack stack(1, static_cast<std::size_t>(space.stack), static_cast<std::size_t>(space.frame_size()));
+    std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));
     env.reset(frame);
-    auto observations = torch::empty({count, 4, 84, 84}, torch::kUInt8);
+    auto shape = space.shape;
+    shape.insert(shape.begin(), {count, space.stack});
+    auto observations = torch::empty(shape, torch::kUInt8);
     StepResult result;
     for (std::int64_t i = 0; i < count; ++i) {
         stack.push(0, frame);
@@ -113,19 +130,23 @@ torch::Tensor game_frames(std::int64_t count) {
 class ExportEmulator : public testing::TestWithParam<Case> {
   protected:
     ExportEmulator() {
-        const auto& [name, agent_name, make, config_yaml, action_space] = GetParam();
-        write_file_atomically(run / "config.yaml", config_yaml());
-        write_file_atomically(run / "metadata.json",
-                              nlohmann::json{{"exp_name", agent_name}, {"cale", "0.1.0"}}.dump());
+        const auto& [name, agent_name, make, config_yaml, env] = GetParam();
+        const auto yaml = config_yaml();
+        write_file_atomically(run / "config.yaml", yaml);
+        const auto world = training_world(env, {});
+        const std::uint32_t seed = 0;
+        const auto one = world.make({&seed, 1});
         AgentSpec spec;
-        spec.num_actions = action_space == ActionSet::continuous ? 0
-                           : action_space == ActionSet::full     ? 18
-                                                                 : 4;
+        set_spaces(spec, one->action_space(), one->observation_space());
         agent = make(spec);
         RunSnapshot snapshot;
         snapshot.state.step = 1'234;
         snapshot.state.frame = 4'936;
         snapshot.agent = agent->state();
+        const TrainOptions options{
+            .agent_name = agent_name, .config = yaml, .hyperparameters = {{"agent.encoder", "its encoder"}}};
+        snapshot.policy = {*agent->policy(), *run_policy_info(world, {}, options)};
+        snapshot.policy->info.provenance["agent_steps"] = "1234";
         evaluation_random = restored_generator(snapshot.agent.at("random/evaluation"));
         checkpoint = write_checkpoint(run, std::move(snapshot), nullptr, nullptr).folder;
     }
@@ -141,12 +162,12 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     const auto policy = policy_of(run);
     const auto lite = lite::Policy::parse(policy_file_of(checkpoint));
     auto workspace = lite.workspace();
-    const auto frames = game_frames(24);
+    const auto frames = game_observations(GetParam().env, 24);
     const auto expected = agent->act(frames, ActMode::evaluate);
     EXPECT_TRUE(at::equal(policy.act(frames, Choice::as_evaluated, evaluation_random), expected));
     const auto greedy = policy.act(frames);
     for (std::int64_t i = 0; i < frames.size(0); ++i) {
-        const std::span pixels(frames[i].const_data_ptr<std::uint8_t>(), 4 * kFrameSize);
+        const std::span pixels(frames[i].const_data_ptr<std::uint8_t>(), policy.info().observation_size());
         const auto decision = lite.act(pixels, workspace);
         if (policy.info().actions.empty()) {
             EXPECT_NEAR(decision.stick.radius, greedy[i][0].item<float>(), 1e-5);
@@ -160,6 +181,7 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     const auto& info = policy.info();
     EXPECT_EQ(info.game, "Breakout");
     EXPECT_EQ(info.agent, GetParam().agent);
+    EXPECT_EQ(info.encoder, "its encoder");
     EXPECT_EQ(info.threshold, 0.25);
     EXPECT_TRUE(info.life_loss_ends_episode);
     EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo");
@@ -168,7 +190,7 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     const auto env = env_config_of(info);
     EXPECT_EQ(env.game, "breakout");
     EXPECT_EQ(env.threshold, 0.25);
-    EXPECT_EQ(env.action_space, GetParam().action_space);
+    EXPECT_EQ(env.action_space, GetParam().env.action_space);
     EXPECT_TRUE(env.rom_dir.empty());
     EXPECT_EQ(info.provenance.at("config").find("somebody"), std::string::npos);
 }
@@ -194,7 +216,7 @@ TEST_P(ExportEmulator, IsReadByPythonAndByOnnxRuntime) {
     export_policy(checkpoint / "agent.safetensors.zst", folder / "policy.safetensors");
     export_onnx(folder / "policy.safetensors", folder / "policy.onnx");
     const auto policy = Policy::load(folder / "policy.safetensors");
-    const auto frames = game_frames(16);
+    const auto frames = game_observations(GetParam().env, 16);
     const std::string_view pixels(reinterpret_cast<const char*>(frames.const_data_ptr()), frames.nbytes());
     write_file_atomically(folder / "observations", pixels);
     const auto read =
@@ -202,7 +224,7 @@ TEST_P(ExportEmulator, IsReadByPythonAndByOnnxRuntime) {
 
     const auto file = parse_policy_file(read_file(folder / "policy.safetensors"));
     EXPECT_EQ(read["tensors"].size(), file.weights.size() + 2);
-    for (const auto& [name, type, shape] : parameters_of(file.network)) {
+    for (const auto& [name, shape] : parameter_shapes(file.network)) {
         EXPECT_EQ(read["tensors"][name], (nlohmann::json{"float32", shape})) << name;
         double sum = 0;
         for (const float number : file.weights.at(name)) sum += static_cast<double>(number);
@@ -240,21 +262,24 @@ INSTANTIATE_TEST_SUITE_P(One, ExportRefusesEmulator, testing::Values(cases()[3])
 
 TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     const auto prefix = "no policy can be made of '" + run.string() + "': ";
-    auto bytes = read_file(checkpoint / "agent.safetensors.zst");
+    const auto whole = read_file(checkpoint / kPolicyFile);
+    auto bytes = whole;
     bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
-    const auto whole = read_file(checkpoint / "agent.safetensors.zst");
-    write_file_atomically(checkpoint / "agent.safetensors.zst", bytes);
+    write_file_atomically(checkpoint / kPolicyFile, bytes);
     EXPECT_THAT(error(), HasSubstr(prefix));
-    EXPECT_THAT(error(), HasSubstr("agent.safetensors.zst"));
-    write_file_atomically(checkpoint / "agent.safetensors.zst", whole);
+    EXPECT_THAT(error(), HasSubstr(kPolicyFile));
+    write_file_atomically(checkpoint / kPolicyFile, whole);
     EXPECT_EQ(error(), "no error");
 
-    auto yaml = read_file(run / "config.yaml");
-    yaml.replace(yaml.find("hidden_units: 64"), 16, "hidden_units: 32");
-    write_file_atomically(run / "config.yaml", yaml);
-    EXPECT_THAT(error(), HasSubstr("is not of the shape that config.yaml asks for"));
-    write_file_atomically(run / "metadata.json", R"({"exp_name": "a2c"})");
-    EXPECT_EQ(error(), prefix + "its agent is 'a2c': policies can be made of sac, sacd, ppo, dqn, der");
+    // As older versions wrote it.
+    RunSnapshot snapshot;
+    snapshot.state.step = 1'234;
+    snapshot.agent = agent->state();
+    write_checkpoint(run, std::move(snapshot), nullptr, nullptr);
+    EXPECT_EQ(error(), prefix +
+                           "it holds no policy.safetensors, as those of older versions and of agents "
+                           "without policy(): resume the run with its train program, which writes one at "
+                           "its end");
     fs::remove_all(checkpoint);
     EXPECT_EQ(error(), prefix + "it has no checkpoint yet");
     fs::remove(run / "config.yaml");

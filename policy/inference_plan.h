@@ -9,6 +9,7 @@
 
 #include "policy/aligned.h"
 #include "policy/kernels.h"
+#include "policy/network_spec.h"
 #include "policy/policy_file.h"
 
 namespace cale::lite {
@@ -21,25 +22,37 @@ struct Place {
     ImageSize size{};
 };
 
-/// Kinds that need no memory of their own work in place, where `in` is `out`.
+/// What needs no memory of its own works in place, where `in` is `out`.
 struct Step {
-    enum class Kind { convolve, max_pool, relu, tanh, dense, layer_norm };
+    enum class Kind {
+        convolve,
+        max_pool,
+        copy,
+        relu,
+        tanh,
+        add,      // to what is in `out`
+        flatten,  // to the order channel, row, column
+        dense,
+        layer_norm
+    };
     Kind kind = Kind::relu;
     Place in{}, out{};
-    std::size_t weight = 0, bias = 0;  // in Program::weights
+    std::size_t weight = 0, bias = 0;  // in InferencePlan::weights_
     Convolution convolution{};
-    std::int64_t top = 0, left = 0;  // of max_pool: pixels of its window beyond the image
+    // Of max_pool: its window, and how far that reaches beyond the image.
+    std::int64_t kernel = 0, stride = 0, top = 0, left = 0;
 };
 
-struct Program {
-    explicit Program(const PolicyFile& file);
+/// A policy's network, ready to be computed.
+struct InferencePlan {
+    explicit InferencePlan(const PolicyFile& file);
 
     /// Computes into `memory`, which has `memory_size` floats and was all zero before its first use.
     /// Returns the output in it.
     std::span<const float> run(std::span<const std::uint8_t> observation, std::span<float> memory) const;
 
     PolicyInfo info;
-    PolicyNetwork network;
+    Head head;
     std::size_t memory_size = 0;
 
   private:
@@ -51,9 +64,16 @@ struct Program {
     Floats weights_;
     Place pixels_;
     std::vector<Step> steps_;
-    Place head_, value_;  // what the head's dense layers gave; value_: of dueling ones
+    Place outputs_, value_;  // what the head's dense layers gave; value_: of dueling ones
     Place output_;
     std::size_t log_std_ = 0;  // of a gaussian head, in weights_
 };
 
 }  // namespace cale::lite
+
+namespace cale {
+
+/// Sets the golden pair of a policy: golden_observation() and what its network gives for it.
+void set_golden_pair(PolicyFile& policy);
+
+}  // namespace cale

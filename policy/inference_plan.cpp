@@ -1,4 +1,4 @@
-#include "policy/program.h"
+#include "policy/inference_plan.h"
 
 #include <algorithm>
 #include <array>
@@ -19,15 +19,15 @@ std::size_t count(const Place& place) {
 
 }  // namespace
 
-std::span<const float> Program::run(std::span<const std::uint8_t> observation,
-                                    std::span<float> memory) const {
+std::span<const float> InferencePlan::run(std::span<const std::uint8_t> observation,
+                                          std::span<float> memory) const {
     read_pixels(observation, memory.data());
     for (const auto& step : steps_) run_step(step, memory.data());
     finish(memory.data());
     return memory.subspan(output_.begin, count(output_));
 }
 
-void Program::read_pixels(std::span<const std::uint8_t> observation, float* memory) const {
+void InferencePlan::read_pixels(std::span<const std::uint8_t> observation, float* memory) const {
     static constexpr auto scaled = [] {
         std::array<float, 256> values{};
         for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i) / 255;
@@ -47,6 +47,26 @@ void Program::read_pixels(std::span<const std::uint8_t> observation, float* memo
 
 namespace {
 
+/// For numbers of channels that are no multiple of a vector: kernels() cannot store those.
+void convolve_channel_by_channel(const Convolution& shape, const float* input, const float* weights,
+                                 const float* bias, float* output) {
+    for (std::size_t row = 0; row < shape.rows; ++row) {
+        for (std::size_t column = 0; column < shape.columns; ++column) {
+            const float* const window = input + row * shape.row_stride + column * shape.pixel_stride;
+            float* const to = output + row * shape.output_row + column * shape.channels;
+            const float* weight = weights;
+            for (std::size_t channel = 0; channel < shape.channels; ++channel) {
+                float sum = bias[channel];
+                for (std::size_t y = 0; y < shape.kernel_rows; ++y)
+                    for (std::size_t k = 0; k < shape.kernel_width; ++k)
+                        sum += *weight++ * window[y * shape.input_row + k];
+                if (shape.store == Store::relu) sum = std::max(sum, 0.0f);
+                to[channel] = shape.store == Store::add ? to[channel] + sum : sum;
+            }
+        }
+    }
+}
+
 void max_pool(const Step& step, const float* in, float* out) {
     const auto& [channels, rows, columns] = step.in.size;
     const auto& result = step.out.size;
@@ -54,9 +74,10 @@ void max_pool(const Step& step, const float* in, float* out) {
         for (std::int64_t column = 0; column < result.columns; ++column) {
             float* const to = out + size(row) * step.out.row + size(column * channels);
             std::fill_n(to, channels, -std::numeric_limits<float>::infinity());
-            const auto top = 2 * row - step.top, left = 2 * column - step.left;
-            for (auto y = std::max<std::int64_t>(top, 0); y < std::min(top + 3, rows); ++y) {
-                for (auto x = std::max<std::int64_t>(left, 0); x < std::min(left + 3, columns); ++x) {
+            const auto top = step.stride * row - step.top, left = step.stride * column - step.left;
+            for (auto y = std::max<std::int64_t>(top, 0); y < std::min(top + step.kernel, rows); ++y) {
+                for (auto x = std::max<std::int64_t>(left, 0); x < std::min(left + step.kernel, columns);
+                     ++x) {
                     const float* const from = in + size(y) * step.in.row + size(x * channels);
                     for (std::int64_t c = 0; c < channels; ++c) to[c] = std::max(to[c], from[c]);
                 }
@@ -65,13 +86,23 @@ void max_pool(const Step& step, const float* in, float* out) {
     }
 }
 
-void relu(const Step& step, const float* in, float* out) {
+/// Calls change(from, to) with every number of the image and its place in the result.
+template <class Change>
+void each_number(const Step& step, const float* in, float* out, Change&& change) {
     const auto width = size(step.in.size.columns * step.in.size.channels);
     for (std::size_t row = 0; row < size(step.in.size.rows); ++row) {
         const float* const from = in + row * step.in.row;
         float* const to = out + row * step.out.row;
-        for (std::size_t i = 0; i < width; ++i) to[i] = from[i] > 0 ? from[i] : 0;
+        for (std::size_t i = 0; i < width; ++i) change(from[i], to[i]);
     }
+}
+
+void flatten(const Step& step, const float* in, float* out) {
+    const auto& [channels, rows, columns] = step.in.size;
+    for (std::int64_t channel = 0; channel < channels; ++channel)
+        for (std::int64_t row = 0; row < rows; ++row)
+            for (std::int64_t column = 0; column < columns; ++column)
+                *out++ = in[size(row) * step.in.row + size(column * channels + channel)];
 }
 
 void layer_norm(std::size_t count, const float* weight, const float* bias, float* values) {
@@ -86,23 +117,36 @@ void layer_norm(std::size_t count, const float* weight, const float* bias, float
 
 }  // namespace
 
-void Program::run_step(const Step& step, float* memory) const {
+void InferencePlan::run_step(const Step& step, float* memory) const {
     const float* const in = memory + step.in.begin;
     float* const out = memory + step.out.begin;
     const float* const weight = weights_.data() + step.weight;
     const float* const bias = weights_.data() + step.bias;
     switch (step.kind) {
         case Step::Kind::convolve:
-            kernels().convolve(step.convolution, in, weight, bias, out);
+            if (step.convolution.block == 1) {
+                convolve_channel_by_channel(step.convolution, in, weight, bias, out);
+            } else {
+                kernels().convolve(step.convolution, in, weight, bias, out);
+            }
             break;
         case Step::Kind::max_pool:
             max_pool(step, in, out);
             break;
+        case Step::Kind::copy:
+            each_number(step, in, out, [](float from, float& to) { to = from; });
+            break;
         case Step::Kind::relu:
-            relu(step, in, out);
+            each_number(step, in, out, [](float from, float& to) { to = from > 0 ? from : 0; });
             break;
         case Step::Kind::tanh:
-            std::transform(in, in + count(step.in), out, [](float x) { return std::tanh(x); });
+            each_number(step, in, out, [](float from, float& to) { to = std::tanh(from); });
+            break;
+        case Step::Kind::add:
+            each_number(step, in, out, [](float from, float& to) { to += from; });
+            break;
+        case Step::Kind::flatten:
+            flatten(step, in, out);
             break;
         case Step::Kind::dense:
             kernels().dense(count(step.out), count(step.in), in, weight, bias, out);
@@ -123,6 +167,16 @@ void log_softmax(std::span<float> values) {
     for (float& value : values) value -= largest + static_cast<float>(std::log(sum));
 }
 
+/// Wang et al. 2016, equation 9: V + A - mean over the actions of A, for each atom.
+void add_state_values(const float* values, std::size_t actions, std::size_t atoms, float* advantages) {
+    for (std::size_t atom = 0; atom < atoms; ++atom) {
+        float mean = 0;
+        for (std::size_t a = 0; a < actions; ++a) mean += advantages[a * atoms + atom];
+        mean /= static_cast<float>(actions);
+        for (std::size_t a = 0; a < actions; ++a) advantages[a * atoms + atom] += values[atom] - mean;
+    }
+}
+
 /// The mean of a distribution over evenly spaced returns from -limit to limit.
 float expected_return(std::span<const float> logits, double limit) {
     const float largest = *std::max_element(logits.begin(), logits.end());
@@ -139,37 +193,42 @@ float expected_return(std::span<const float> logits, double limit) {
 }  // namespace
 
 /// From the head's dense layers to the output.
-void Program::finish(float* memory) const {
-    float* const head = memory + head_.begin;
+void InferencePlan::finish(float* memory) const {
+    float* const numbers = memory + outputs_.begin;
     float* const output = memory + output_.begin;
-    const auto actions = size(network.num_actions), atoms = size(network.num_atoms);
-    switch (network.head) {
-        case PolicyNetwork::Head::squashed_gaussian:
-            std::copy_n(head, count(output_), output);
+    const auto actions = size(head.num_actions), atoms = size(head.num_atoms);
+    switch (head.kind) {
+        case Head::Kind::squashed_gaussian:
+            std::copy_n(numbers, count(output_), output);
             break;
-        case PolicyNetwork::Head::gaussian:
-            std::copy_n(head, kStickSize, output);
+        case Head::Kind::gaussian:
+            std::copy_n(numbers, kStickSize, output);
             std::copy_n(weights_.data() + log_std_, kStickSize, output + kStickSize);
             break;
-        case PolicyNetwork::Head::categorical:
-            std::copy_n(head, actions, output);
+        case Head::Kind::categorical:
+            std::copy_n(numbers, actions, output);
             log_softmax({output, actions});
             break;
-        case PolicyNetwork::Head::values:
-            if (network.dueling) {
-                const float* const value = memory + value_.begin;
-                for (std::size_t atom = 0; atom < atoms; ++atom) {
-                    float mean = 0;
-                    for (std::size_t a = 0; a < actions; ++a) mean += head[a * atoms + atom];
-                    mean /= static_cast<float>(actions);
-                    for (std::size_t a = 0; a < actions; ++a) head[a * atoms + atom] += value[atom] - mean;
-                }
-            }
-            for (std::size_t a = 0; a < actions; ++a)
+        case Head::Kind::values:
+            if (head.dueling) add_state_values(memory + value_.begin, actions, atoms, numbers);
+            for (std::size_t a = 0; a < actions; ++a) {
                 output[a] =
-                    atoms == 1 ? head[a] : expected_return({head + a * atoms, atoms}, network.value_limit);
+                    atoms == 1 ? numbers[a] : expected_return({numbers + a * atoms, atoms}, head.value_limit);
+            }
             break;
     }
 }
 
 }  // namespace cale::lite
+
+namespace cale {
+
+void set_golden_pair(PolicyFile& policy) {
+    policy.golden.observation = golden_observation(policy.info);
+    const lite::InferencePlan plan(policy);
+    lite::Floats memory(plan.memory_size);
+    const auto output = plan.run(policy.golden.observation, memory);
+    policy.golden.output.assign(output.begin(), output.end());
+}
+
+}  // namespace cale

@@ -1,0 +1,48 @@
+// The layers of a NetworkSpec as LibTorch computes them.
+#pragma once
+
+#include <cstdint>
+#include <variant>
+#include <vector>
+
+#include <ATen/core/Generator.h>
+#include <torch/nn/module.h>
+#include <torch/nn/modules/normalization.h>
+#include <torch/types.h>
+
+#include "networks/layers.h"
+#include "policy/network_spec.h"
+
+namespace cale {
+
+/// Layers one behind the other. Those with parameters are submodules of the owner that it is made with, under
+/// their names.
+class LayerStack {
+  public:
+    /// On an input [stack, rows, columns], [stack, bytes] or [n]. Throws as sized_layers() does.
+    LayerStack(torch::nn::Module& owner, const Layers& layers, const std::vector<std::int64_t>& input,
+               const Initialiser& initialise, const at::Generator& generator);
+
+    /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened.
+    torch::Tensor operator()(torch::Tensor x) const;
+
+    /// [B, input] bytes as numbers from 0 to 1, as these layers want them; bytes may come as images of one
+    /// row, [B, stack, 1, n]. Throws std::invalid_argument, naming both shapes, for anything else.
+    torch::Tensor scaled(const torch::Tensor& observation) const;
+
+    std::int64_t features() const { return features_; }  // numbers per observation
+
+  private:
+    using Parameters = std::variant<std::monostate, Conv, Dense, torch::nn::LayerNorm>;
+    struct Item {
+        Layer layer;
+        Parameters parameters;
+    };
+
+    std::vector<std::int64_t> input_;
+    std::int64_t features_ = 0;
+    std::vector<Item> items_;
+    torch::Tensor weight_;  // of the first layer that has one: its type is that of the input
+};
+
+}  // namespace cale

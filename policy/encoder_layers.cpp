@@ -1,0 +1,82 @@
+#include "policy/encoder_layers.h"
+
+#include <utility>
+
+namespace cale {
+namespace {
+
+Layer relu() {
+    return Layer::of(Layer::Kind::relu);
+}
+
+}  // namespace
+
+Layers phi_sac(Padding padding) {
+    Layers layers{Layer::conv("conv1", 32, 3, 2, padding), relu()};
+    for (const auto* name : {"conv2", "conv3", "conv4"}) {
+        layers.push_back(Layer::conv(name, 32, 3, 1, padding));
+        layers.push_back(relu());
+    }
+    layers.push_back(Layer::of(Layer::Kind::flatten));
+    return layers;
+}
+
+Layers phi_dqn(Padding padding, bool rows) {
+    return {Layer::conv("conv1", 32, 8, 4, padding, rows),
+            relu(),
+            Layer::conv("conv2", 64, 4, 2, padding, rows),
+            relu(),
+            Layer::conv("conv3", 64, 3, 1, padding, rows),
+            relu(),
+            Layer::of(Layer::Kind::flatten)};
+}
+
+Layers impala() {
+    Layers layers;
+    for (const auto& [stage, channels] : {std::pair{"stage1", 16}, {"stage2", 32}, {"stage3", 32}}) {
+        const auto conv = [&, stage = stage, channels = channels](const char* name) {
+            return Layer::conv(std::string(stage) + name, channels, 3, 1);
+        };
+        layers.push_back(conv("_conv"));
+        layers.push_back(Layer::max_pool(3, 2));
+        for (const auto& [first, second] :
+             {std::pair{"_block1_conv1", "_block1_conv2"}, {"_block2_conv1", "_block2_conv2"}}) {
+            layers.push_back(Layer::of(Layer::Kind::keep));
+            layers.push_back(relu());
+            layers.push_back(conv(first));
+            layers.push_back(relu());
+            layers.push_back(conv(second));
+            layers.push_back(Layer::of(Layer::Kind::add_kept));
+        }
+    }
+    layers.push_back(relu());
+    layers.push_back(Layer::of(Layer::Kind::flatten));
+    return layers;
+}
+
+Layers mlp() {
+    constexpr std::int64_t units = 256;
+    return chain({Layers{Layer::of(Layer::Kind::flatten)}, hidden_layers(2, units, Layer::Kind::relu)});
+}
+
+Layers tanh_branch(const std::string& name) {
+    return {Layer::dense(name + "_fc", 50), Layer::layer_norm(name + "_ln"), Layer::of(Layer::Kind::tanh)};
+}
+
+Layers relu_branch(const std::string& name, bool layer_norm) {
+    Layers layers{Layer::dense(name + "_fc", 512)};
+    if (layer_norm) layers.push_back(Layer::layer_norm(name + "_ln"));
+    layers.push_back(relu());
+    return layers;
+}
+
+Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation) {
+    Layers layers;
+    for (std::int64_t i = 1; i <= count; ++i) {
+        layers.push_back(Layer::dense("fc" + std::to_string(i), units));
+        layers.push_back(Layer::of(activation));
+    }
+    return layers;
+}
+
+}  // namespace cale
