@@ -114,7 +114,7 @@ struct Der : QState {
     Der(const DerConfig& settings, const AgentSpec& spec)
         : QState(settings, spec, head_of(settings)),
           config(settings),
-          num_actions(spec.num_actions),
+          num_actions(cale::num_actions(spec.action_space)),
           device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {

@@ -49,7 +49,9 @@ struct Dqn : QState {
     static constexpr bool kDrawsInUpdates = false;
 
     Dqn(const DqnConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, head_of(settings)), config(settings), num_actions(spec.num_actions) {}
+        : QState(settings, spec, head_of(settings)),
+          config(settings),
+          num_actions(cale::num_actions(spec.action_space)) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)

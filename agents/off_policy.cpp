@@ -15,8 +15,6 @@
 namespace cale {
 namespace {
 
-constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
-
 constexpr std::array kDeviceParts{&Batch::observation, &Batch::action,           &Batch::n_step_return,
                                   &Batch::discount,    &Batch::next_observation, &Batch::probability};
 
@@ -29,10 +27,9 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvalu
 ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
     return {.capacity = settings.replay_capacity,
             .num_envs = spec.num_envs,
-            .stack = spec.stack,
-            .frame_height = spec.frame_height,
-            .frame_width = spec.frame_width,
-            .action_size = spec.num_actions == 0 ? kJoystickAxes : 0,
+            .stack = spec.observation.stack,
+            .frame_shape = spec.observation.shape,
+            .action_size = box_size(spec.action_space),
             .update_horizon = settings.update_horizon,
             .gamma = settings.gamma,
             .replay_terminal = settings.replay_terminal,
@@ -58,13 +55,14 @@ AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, 
 
 void AgentReplay::record(const StepBatch& batch) {
     const Timed timed(time_.replay);
-    const auto frame_size = static_cast<std::size_t>(spec_.frame_height * spec_.frame_width);
+    const auto frame_size = static_cast<std::size_t>(spec_.observation.frame_size());
     const auto count = static_cast<std::size_t>(spec_.num_envs);
-    const bool continuous = spec_.num_actions == 0;
+    const auto action_size = box_size(spec_.action_space);
+    const bool continuous = action_size > 0;
     const auto actions =
         batch.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
     if (batch.results.size() != count || batch.frames.size() != count * frame_size ||
-        actions.numel() != spec_.num_envs * (continuous ? kJoystickAxes : 1)) {
+        actions.numel() != spec_.num_envs * std::max<std::int64_t>(action_size, 1)) {
         throw std::invalid_argument("the replay expects the results, frames and actions of " +
                                     std::to_string(count) + " environments, not of " +
                                     std::to_string(batch.results.size()));
@@ -83,7 +81,9 @@ void AgentReplay::record(const StepBatch& batch) {
                               .terminal = result.terminal,
                               .truncated = result.truncated};
         if (continuous) {
-            experience.action = {actions.const_data_ptr<float>() + env * kJoystickAxes, kJoystickAxes};
+            experience.action = {
+                actions.const_data_ptr<float>() + env * static_cast<std::size_t>(action_size),
+                static_cast<std::size_t>(action_size)};
         } else {
             experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
         }

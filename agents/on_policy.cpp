@@ -15,17 +15,15 @@
 #include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
-#include "parallel/process_group.h"
 #include "dopamine/repeated_frame.h"
 #include "dopamine/rollout.h"
+#include "parallel/process_group.h"
 
 namespace cale {
 namespace {
 
 /// The random streams of an agent. Their numbers are part of a run: another number is another seed.
 enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation };
-
-constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
 
 /// The group of an agent's processes; one process alone where there is none.
 ProcessGroup group_of(const ProcessGroup* processes) {
@@ -94,7 +92,7 @@ PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
                                        .hidden_layers = settings.network.hidden_layers,
                                        .hidden_units = settings.network.hidden_units,
                                        .log_std = settings.log_std},
-                      spec.num_actions, generator);
+                      num_actions(spec.action_space), generator, action_box(spec.action_space));
 }
 
 OnPolicyState initial_state(const OnPolicySettings& settings, const AgentSpec& spec) {
@@ -117,6 +115,7 @@ class OnPolicy final : public Agent {
           processes_(group_of(spec.processes)),
           share_(spec),
           state_(initial_state(settings, spec)),
+          box_(action_box(spec.action_space)),
           rollout_(empty_rollout()),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
@@ -137,8 +136,9 @@ class OnPolicy final : public Agent {
         if (settings_.exploration == Exploration::standard) return actions;
         const auto epsilon = training ? this->epsilon() : settings_.epsilon.epsilon_eval;
         actions = share.among_all(actions, /*filler=*/0);
-        return share.own(policy.gaussian ? epsilon_greedy(actions, epsilon, box_, random)
-                                         : epsilon_greedy(actions, epsilon, spec_.num_actions, random));
+        return share.own(policy.gaussian
+                             ? epsilon_greedy(actions, epsilon, box_, random)
+                             : epsilon_greedy(actions, epsilon, num_actions(spec_.action_space), random));
     }
 
     void observe(const StepBatch& batch) override {
@@ -195,10 +195,9 @@ class OnPolicy final : public Agent {
     std::unique_ptr<Rollout> empty_rollout() const {
         const RolloutConfig config{.length = settings_.rollout_steps / share_.all,
                                    .num_envs = spec_.num_envs,
-                                   .stack = spec_.stack,
-                                   .frame_height = spec_.frame_height,
-                                   .frame_width = spec_.frame_width,
-                                   .action_size = spec_.num_actions == 0 ? kJoystickAxes : 0,
+                                   .stack = spec_.observation.stack,
+                                   .frame_shape = spec_.observation.shape,
+                                   .action_size = box_size(spec_.action_space),
                                    .reward_scale = settings_.reward_scale,
                                    .reward_clip = settings_.reward_clip};
         if (settings_.replay_terminal == ReplayTerminal::dopamine)
@@ -218,7 +217,8 @@ class OnPolicy final : public Agent {
             const auto pi = share.among_all(policy.log_pi.exp().cpu(), /*filler=*/1);
             return share.own(pi.multinomial(1, true, random).squeeze(1));
         }
-        const auto noise = share.own(torch::randn({share.all, kJoystickAxes}, random)).to(spec_.device);
+        const auto noise =
+            share.own(torch::randn({share.all, box_size(spec_.action_space)}, random)).to(spec_.device);
         return sample(*policy.gaussian, noise, state_.network->box).action.cpu();
     }
 
@@ -314,7 +314,7 @@ class OnPolicy final : public Agent {
         std::vector<torch::Tensor> coordinates;
         for (const auto& coordinate : whole.action.unbind(1))
             coordinates.push_back(moments(coordinate, processes_).mean);
-        add_mean_action(newest_, torch::stack(coordinates));
+        add_mean_action(newest_, spec_.action_space, torch::stack(coordinates));
     }
 
     StateParts parts() {
@@ -336,7 +336,7 @@ class OnPolicy final : public Agent {
     ProcessGroup processes_;
     EnvShare share_;
     OnPolicyState state_;
-    ActionBox box_ = joystick_box();
+    ActionBox box_;
     std::unique_ptr<Rollout> rollout_;
     std::int64_t training_steps_ = 0;
     RepeatedFrame repeated_frame_;
@@ -389,8 +389,8 @@ void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::
         {parameter_bytes(*network), /*target=*/false, "agent.hidden_units or agent.hidden_layers"}, spec,
         available);
     // A second time where a checkpoint is written.
-    const auto rollout = 2 * settings.rollout_steps * spec.num_envs / EnvShare(spec).all * spec.stack *
-                         spec.frame_height * spec.frame_width;
+    const auto rollout = 2 * settings.rollout_steps * spec.num_envs / EnvShare(spec).all *
+                         spec.observation.stack * spec.observation.frame_size();
     if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
 }
 

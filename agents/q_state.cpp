@@ -10,7 +10,7 @@ namespace cale {
 
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator) {
-    head.num_actions = spec.num_actions;
+    head.num_actions = num_actions(spec.action_space);
     head.hidden_units = settings.hidden_units;
     head.dueling = settings.dueling;
     return QNetwork(

@@ -20,8 +20,6 @@ std::span<const std::string_view> names_of(CriticTarget) {
 
 namespace {
 
-constexpr std::int64_t kActionSize = 3;  // r, theta, fire
-
 /// y of SAC's equation 3: the reward and the soft value of what follows.
 torch::Tensor target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
                             const Batch& batch, const SacNoise& noise, const SacConfig& config) {
@@ -40,11 +38,11 @@ torch::Tensor target_values(SacNetwork& network, SacNetwork& target, const torch
 
 SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torch::Tensor& log_alpha,
                      const Batch& batch, const SacNoise& noise, const SacConfig& config, bool with_actor) {
-    const auto size = batch.observation.size(0);
+    const auto size = batch.observation.size(0), axes = network->box.centre.size(0);
     require_shape("sac_losses", "log_alpha", log_alpha, {1});
-    require_batch_shapes("sac_losses", batch, {size, kActionSize});
-    require_shape("sac_losses", "the target's noise", noise.target, {size, kActionSize});
-    require_shape("sac_losses", "the actor's noise", noise.actor, {size, kActionSize});
+    require_batch_shapes("sac_losses", batch, {size, axes});
+    require_shape("sac_losses", "the target's noise", noise.target, {size, axes});
+    require_shape("sac_losses", "the actor's noise", noise.actor, {size, axes});
 
     const auto alpha = log_alpha.detach().exp();
     const auto y = target_values(network, target_network, alpha, batch, noise, config);
@@ -82,7 +80,8 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 // Agent -------------------------------------------------------------------------------
 
 SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator) {
-    return SacNetwork(config.network.encoder_for(spec), config.network.head(), generator);
+    return SacNetwork(config.network.encoder_for(spec), config.network.head(), generator,
+                      action_box(spec.action_space));
 }
 
 namespace {
@@ -93,12 +92,16 @@ struct Sac : ActorCriticState<SacNetwork> {
     static constexpr bool kDrawsInUpdates = true;
 
     Sac(const SacConfig& settings, const AgentSpec& spec)
-        : ActorCriticState(settings, spec), config(settings) {}
+        : ActorCriticState(settings, spec),
+          config(settings),
+          space(spec.action_space),
+          box(action_box(space)) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto count = observations.size(0);
         if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);
-        const auto noise = now.training() ? torch::randn({count, kActionSize}, now.random) : torch::Tensor();
+        const auto noise =
+            now.training() ? torch::randn({count, box_size(space)}, now.random) : torch::Tensor();
         const auto policy = network->policy(network->encoder->trunk(observations));
         const auto actions = now.training()
                                  ? sample(policy, noise.to(observations.device()), network->box).action
@@ -110,18 +113,19 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     SacLosses learn(const Batch& batch, const at::Generator& random, bool with_actor = true) {
         const auto noise =
-            torch::randn({2, batch.action.size(0), kActionSize}, random, batch.action.device());
+            torch::randn({2, batch.action.size(0), box_size(space)}, random, batch.action.device());
         return sac_update(*this, batch, {noise[0], noise[1]}, config, with_actor);
     }
 
     std::map<std::string, double> metrics(const SacLosses& losses) const {
         auto values = ActorCriticState::metrics(losses);
-        add_mean_action(values, losses.mean_action.mean(0));
+        add_mean_action(values, space, losses.mean_action.mean(0));
         return values;
     }
 
     SacConfig config;
-    ActionBox box = joystick_box();  // on the CPU
+    ActionSpace space;
+    ActionBox box;  // on the CPU
 };
 
 }  // namespace

@@ -76,7 +76,8 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 // Agent -------------------------------------------------------------------------------
 
 SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator) {
-    return SacdNetwork(config.network.encoder_for(spec), config.network.head(), spec.num_actions, generator);
+    return SacdNetwork(config.network.encoder_for(spec), config.network.head(),
+                       num_actions(spec.action_space), generator);
 }
 
 namespace {
@@ -89,8 +90,8 @@ struct Sacd : ActorCriticState<SacdNetwork> {
     Sacd(const SacdConfig& settings, const AgentSpec& spec)
         : ActorCriticState(settings, spec),
           config(settings),
-          num_actions(spec.num_actions),
-          target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(spec.num_actions))) {}
+          num_actions(cale::num_actions(spec.action_space)),
+          target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         if (now.training() && now.epsilon >= 1)

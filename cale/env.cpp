@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numbers>
 #include <random>
 #include <sstream>
 #include <stdexcept>
@@ -58,11 +57,6 @@ std::span<const std::string_view> names_of(Obs) {
 std::span<const std::string_view> names_of(PaddleStrength) {
     static constexpr std::array<std::string_view, 2> kNames{"one", "radius"};
     return kNames;
-}
-
-Box joystick_space() {
-    constexpr auto kPi = std::numbers::pi_v<float>;
-    return {.low = {0, -kPi, 0}, .high = {1, kPi, 1}};
 }
 
 ActionSpace action_space(const EnvConfig& config) {

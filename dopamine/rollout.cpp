@@ -97,8 +97,7 @@ std::map<std::string, torch::Tensor> DopamineRollout::state() const {
     const auto in_one = [](const std::vector<torch::Tensor>& parts, const torch::Tensor& none) {
         return parts.empty() ? none : torch::stack(parts);
     };
-    return {{"frames",
-             in_one(frames_, torch::empty({0, config.frame_height, config.frame_width}, torch::kUInt8))},
+    return {{"frames", in_one(frames_, torch::empty(config.shape({0}), torch::kUInt8))},
             {"frame_actions", in_one(frame_actions_, action[0].slice(0, 0, 0))},
             {"element_frames", element_frames},
             {"element_values", element_values},
@@ -108,7 +107,7 @@ std::map<std::string, torch::Tensor> DopamineRollout::state() const {
 }
 
 void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state) {
-    const auto frames = part(state, "frames", at::kByte, {-1, config.frame_height, config.frame_width});
+    const auto frames = part(state, "frames", at::kByte, config.shape({-1}));
     auto action_shape = action[0][0].sizes().vec();
     action_shape.insert(action_shape.begin(), frames.size(0));
     const auto actions = part(state, "frame_actions", action.scalar_type(), action_shape);

@@ -111,6 +111,16 @@ ActionBox joystick_box() {
     return box;
 }
 
+ActionBox action_box(const ActionSpace& space) {
+    const auto* const limits = std::get_if<Box>(&space);
+    if (limits == nullptr || *limits == joystick_space()) return joystick_box();  // pi in double precision
+    const auto low = torch::tensor(at::ArrayRef<float>(limits->low));
+    const auto high = torch::tensor(at::ArrayRef<float>(limits->high));
+    ActionBox box{(low + high) / 2, (high - low) / 2};
+    box.log_half_widths = box.half_width.to(torch::kDouble).log().sum().item<double>();
+    return box;
+}
+
 SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output) {
     const auto size = actor_output.size(1) / 2;
     return {actor_output.narrow(1, 0, size), actor_output.narrow(1, size, size)};

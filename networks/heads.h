@@ -13,6 +13,7 @@
 
 #include "networks/layers.h"
 #include "policy/network_spec.h"
+#include "world/spaces.h"
 
 namespace cale {
 
@@ -72,6 +73,9 @@ struct ActionBox {
 
 /// CALE's joystick (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1], float32 on the CPU.
 ActionBox joystick_box();
+
+/// Returns the box of a space, float32 on the CPU: the joystick's for a discrete space, which has none.
+ActionBox action_box(const ActionSpace& space);
 
 /// The action centre + half_width * tanh(u), where u is normal with this mean and
 /// exp(log_std), which is neither clamped nor squashed: [B, A] each.

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include <torch/types.h>
 
@@ -19,8 +20,8 @@ std::span<const std::string_view> names_of(Torso) {
 }
 
 PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions,
-                               at::Generator generator)
-    : box(joystick_box()) {
+                               at::Generator generator, ActionBox action_box)
+    : box(std::move(action_box)) {
     EncoderConfig encoder = config.encoder;
     const auto hidden = orthogonal(std::numbers::sqrt2);
     std::int64_t features = kSharedFeatures;

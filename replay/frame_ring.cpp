@@ -11,7 +11,7 @@ std::int64_t frame_capacity(const ReplayConfig& config) {
 std::int64_t bytes_per_frame(const ReplayConfig& config) {
     const auto action = config.action_size > 0 ? config.action_size * std::int64_t{sizeof(float)}
                                                : std::int64_t{sizeof(std::int64_t)};
-    return config.frame_height * config.frame_width + action + std::int64_t{sizeof(std::int64_t)};
+    return config.frame_size() + action + std::int64_t{sizeof(std::int64_t)};
 }
 
 std::int64_t bytes_per_transition(const ReplayConfig& config) {
@@ -21,7 +21,7 @@ std::int64_t bytes_per_transition(const ReplayConfig& config) {
 FrameRing::FrameRing(const ReplayConfig& config)
     : stack(config.stack),
       action_size(config.action_size),
-      frame_size(config.frame_height * config.frame_width),
+      frame_size(config.frame_size()),
       frames_capacity(frame_capacity(config)),
       capacity(config.capacity),
       frames(frames_capacity * frame_size),

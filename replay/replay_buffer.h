@@ -98,6 +98,8 @@ class ReplayBuffer {
     void restore(std::unique_ptr<FrameRing> ring, ReplayState state);
 
   private:
+    /// Returns [batch_size, stack, ...].
+    std::vector<std::int64_t> stacks_shape(std::int64_t batch_size) const;
     void require_shapes(const Batch& batch) const;
     std::int64_t position_of(std::int64_t slot) const;
     double probability(std::int64_t position) const;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,11 +22,20 @@ struct RolloutConfig {
     std::int64_t length = 1024;                        // steps of each environment
     std::int64_t num_envs = 1;                         // that step together
     std::int64_t stack = 4;                            // frames of an observation
-    std::int64_t frame_height = 84;                    // rows
-    std::int64_t frame_width = 84;                     // columns
+    std::vector<std::int64_t> frame_shape{84, 84};     // {rows, columns} of bytes, or {bytes}
     std::int64_t action_size = 3;                      // continuous coordinates; 0: one discrete action
     double reward_scale = 1;                           // factor of the rewards
     std::optional<double> reward_clip = std::nullopt;  // before the scale
+
+    /// Returns `before`, then the shape of a frame.
+    std::vector<std::int64_t> shape(std::vector<std::int64_t> before) const {
+        before.insert(before.end(), frame_shape.begin(), frame_shape.end());
+        return before;
+    }
+    /// Returns the bytes of a frame.
+    std::int64_t frame_size() const {
+        return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
+    }
 };
 
 /// T steps of N environments, on the CPU.

@@ -3,9 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
+#include <numeric>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <torch/types.h>
 
@@ -22,16 +25,20 @@ std::span<const std::string_view> names_of(ReplayTerminal);
 
 /// The defaults are those of 200 million frames.
 struct ReplayConfig {
-    std::int64_t capacity = 1'000'000;  // transitions
-    std::int64_t num_envs = 1;          // that store here
-    std::int64_t stack = 4;             // frames of an observation
-    std::int64_t frame_height = 84;     // rows
-    std::int64_t frame_width = 84;      // columns
-    std::int64_t action_size = 3;       // continuous coordinates; 0: one discrete action
-    std::int64_t update_horizon = 1;    // n of the n-step return
-    double gamma = 0.99;                // discount per agent step
+    std::int64_t capacity = 1'000'000;              // transitions
+    std::int64_t num_envs = 1;                      // that store here
+    std::int64_t stack = 4;                         // frames of an observation
+    std::vector<std::int64_t> frame_shape{84, 84};  // {rows, columns} of bytes, or {bytes}
+    std::int64_t action_size = 3;                   // continuous coordinates; 0: one discrete action
+    std::int64_t update_horizon = 1;                // n of the n-step return
+    double gamma = 0.99;                            // discount per agent step
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;  // what is stored at an episode's end
     bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
+
+    /// Returns the bytes of a frame.
+    std::int64_t frame_size() const {
+        return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
+    }
 };
 
 /// One number of a configuration, under the name its user knows.

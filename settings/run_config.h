@@ -98,7 +98,8 @@ template <class WorldConfig>
 AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     AgentSpec spec;
     spec.num_envs = env.num_envs;
-    set_spaces(spec, action_space(env), observation_space(env));
+    spec.action_space = action_space(env);
+    spec.observation = observation_space(env);
     spec.total_steps = train.total_steps;
     spec.overlap = train.overlap;
     spec.seed = static_cast<std::uint64_t>(train.seed);

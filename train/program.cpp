@@ -332,11 +332,11 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     AgentSpec spec = program.spec();
     spec.num_envs /= processes.size();
     spec.processes = &processes;
-    const auto actions = [&] {
+    {
         const auto one = make_one(world);
-        set_spaces(spec, one->action_space(), one->observation_space());
-        return one->action_space();
-    }();
+        spec.action_space = one->action_space();
+        spec.observation = one->observation_space();
+    }
     spec.device = device;
     check_memory(program, world, spec);
 

@@ -330,8 +330,7 @@ void Recorder::write_checkpoint() {
     RunSnapshot snapshot{
         .state = state_, .agent = agent_.state(), .games = collector_.state(), .config = options_.config};
     snapshot.policy = policy_snapshot();
-    if (settings_.train.save_replay && agent_.replay() != nullptr)
-        snapshot.replay.emplace(*agent_.replay());
+    if (settings_.train.save_replay && agent_.replay() != nullptr) snapshot.replay.emplace(*agent_.replay());
     files_->checkpoints.start(std::move(snapshot));
     if (options_.checkpointed) options_.checkpointed();
 }

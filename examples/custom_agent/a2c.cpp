@@ -24,7 +24,7 @@ PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
         PpoNetworkConfig{.encoder = {.encoder = config.encoder, .observation = observation_shape(spec)},
                          .torso = Torso::two_branch,
                          .hidden_layers = 0},
-        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+        num_actions(spec.action_space), make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
     return network;
 }
@@ -39,9 +39,8 @@ class A2c final : public Agent {
                 {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
           rollout_({.length = config.rollout_length,
                     .num_envs = spec.num_envs,
-                    .stack = spec.stack,
-                    .frame_height = spec.frame_height,
-                    .frame_width = spec.frame_width,
+                    .stack = spec.observation.stack,
+                    .frame_shape = spec.observation.shape,
                     .action_size = 0}),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}

@@ -14,10 +14,12 @@ namespace {
 
 PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
     const auto generator = cale::initial_values(spec);
-    PatchEncoder encoder(spec.stack, spec.frame_height, spec.frame_width, config.channels, generator);
-    PatchNetwork network(
-        encoder, cale::QHeadConfig{.num_actions = spec.num_actions, .hidden_units = config.hidden_units},
-        generator);
+    PatchEncoder encoder(spec.observation.stack, spec.observation.shape.at(0), spec.observation.shape.at(1),
+                         config.channels, generator);
+    PatchNetwork network(encoder,
+                         cale::QHeadConfig{.num_actions = cale::num_actions(spec.action_space),
+                                           .hidden_units = config.hidden_units},
+                         generator);
     network->to(spec.device);
     return network;
 }
@@ -32,7 +34,7 @@ struct PatchDqn {
 
     PatchDqn(const PatchDqnConfig& settings, const cale::AgentSpec& spec)
         : config(settings),
-          num_actions(spec.num_actions),
+          num_actions(cale::num_actions(spec.action_space)),
           network(make_network(settings, spec)),
           target(make_network(settings, spec)),  // equal to the network
           adam(network->parameters(), {.learning_rate = settings.learning_rate}) {}

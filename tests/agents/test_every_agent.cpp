@@ -16,8 +16,8 @@
 
 #include "agent_worlds.h"
 #include "replay/replay_buffer.h"
-#include "support/temporary_folder.h"
 #include "replay/replay_snapshot.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -129,7 +129,7 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
     const auto agent = make(spec);
     const auto expect_inside = [&](std::int64_t count, ActMode mode) {
         const auto actions = agent->act(noise_frames(count, 5), mode);
-        if (spec.num_actions == 0) {
+        if (num_actions(spec.action_space) == 0) {
             ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count, 3}));
             ASSERT_EQ(actions.scalar_type(), torch::kFloat32);
             const auto box = joystick_box();
@@ -137,7 +137,7 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
         } else {
             ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count}));
             ASSERT_EQ(actions.scalar_type(), torch::kInt64);
-            EXPECT_TRUE(((actions >= 0) & (actions < spec.num_actions)).all().item<bool>());
+            EXPECT_TRUE(((actions >= 0) & (actions < num_actions(spec.action_space))).all().item<bool>());
         }
         EXPECT_FALSE(actions.requires_grad());
     };
@@ -525,7 +525,7 @@ TEST_P(EpsilonGreedyAgent, ActsAtRandomWithProbabilityEpsilon) {
     const auto agent = make(spec, settings);
     drive(*agent, spec, 0, 10);
     const auto uniform = agent->act(same_frame(2000), ActMode::train);
-    if (spec.num_actions == 0)
+    if (num_actions(spec.action_space) == 0)
         expect_uniform_over_the_box(uniform);
     else
         for (const double part : frequencies(uniform)) EXPECT_NEAR(part, 0.25, 0.04);
@@ -533,7 +533,7 @@ TEST_P(EpsilonGreedyAgent, ActsAtRandomWithProbabilityEpsilon) {
     drive(*agent, spec, 10, 20);
     // An actor's own choices are random too, unless it is sure.
     auto state = agent->state();
-    if (spec.num_actions == 0)
+    if (num_actions(spec.action_space) == 0)
         make_constant(state, "network/actor.out", {0, 0, 0, -20, -20, -20});
     else
         make_constant(state, "network/actor.out", {50, 0, 0, 0});

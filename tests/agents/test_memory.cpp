@@ -24,7 +24,7 @@ constexpr std::int64_t kGigabyte = 1'000'000'000;
 
 AgentSpec world(std::int64_t num_actions) {
     AgentSpec spec;
-    spec.num_actions = num_actions;
+    if (num_actions > 0) spec.action_space = Discrete{num_actions};
     return spec;
 }
 

@@ -280,7 +280,7 @@ TEST(Ppo, EpsilonFallsFromTheFirstDecisionOn) {
         EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 0.5);
         drive(*agent, spec, 5, 6);
         EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 0);
-        if (spec.num_actions == 0) continue;
+        if (num_actions(spec.action_space) == 0) continue;
         auto state = agent->state();
         make_constant(state, "network/actor.out", {0, 0, 50, 0});
         agent->load_state(state);
@@ -384,8 +384,8 @@ struct Witness {
     }
 
     PpoNetwork with(const TensorMap& parameters) const {
-        PpoNetwork made(PpoNetworkConfig{.encoder = small_encoder(), .hidden_units = 16}, spec.num_actions,
-                        make_generator(1));
+        PpoNetwork made(PpoNetworkConfig{.encoder = small_encoder(), .hidden_units = 16},
+                        num_actions(spec.action_space), make_generator(1));
         for (const auto& [name, tensor] : parameters_of(*made)) tensor.copy_(parameters.at(name));
         return made;
     }

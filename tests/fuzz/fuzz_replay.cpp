@@ -16,8 +16,7 @@ cale::ReplayConfig config() {
     return {.capacity = 64,
             .num_envs = 2,
             .stack = 2,
-            .frame_height = 1,
-            .frame_width = 4,
+            .frame_shape = {1, 4},
             .action_size = 0,
             .prioritised = true};
 }

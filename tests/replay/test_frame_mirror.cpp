@@ -7,8 +7,8 @@
 #include <torch/types.h>
 
 #include "numbered_frames.h"
-#include "support/temporary_folder.h"
 #include "replay/replay_snapshot.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
