@@ -308,8 +308,7 @@ class Run {
         state_.progress_rows = progress_.rows();
         RunSnapshot snapshot{
             .state = state_, .agent = agent_.state(), .games = games_.state(), .config = options_.config};
-        if (config_.save_replay && agent_.replay() != nullptr)
-            snapshot.replay.emplace(*agent_.replay());
+        if (config_.save_replay && agent_.replay() != nullptr) snapshot.replay.emplace(*agent_.replay());
         checkpoints_.start(std::move(snapshot));
         written_step_ = state_.step;
         if (options_.checkpointed) options_.checkpointed();
