@@ -14,10 +14,8 @@ namespace {
 
 PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
     const auto generator = cale::initial_values(spec);
-    PatchEncoder encoder(spec.stack, spec.frame_height, spec.frame_width, config.channels, generator);
-    PatchNetwork network(
-        encoder, cale::QHeadConfig{.num_actions = spec.num_actions, .hidden_units = config.hidden_units},
-        generator);
+    const cale::QHeadConfig head{.num_actions = spec.num_actions, .hidden_units = config.hidden_units};
+    PatchNetwork network(cale::observation_shape(spec), config.channels, head, generator);
     network->to(spec.device);
     return network;
 }
