@@ -15,8 +15,8 @@
 namespace example {
 
 /// Cuts a frame into patches of 12 x 12 pixels, each of which becomes a vector, as vision transformers begin
-/// (Dosovitskiy et al. 2021); a 3x3 convolution lets neighbours know of each other. Of layers that policy files
-/// know, so a policy that was trained with it is exported and played as any other.
+/// (Dosovitskiy et al. 2021); a 3x3 convolution lets neighbours know of each other. Of layers that policy
+/// files know, so a policy that was trained with it is exported and played as any other.
 cale::Layers patch_layers(std::int64_t channels);
 
 /// Those layers as a module.
@@ -25,7 +25,9 @@ class PatchEncoderImpl : public torch::nn::Module {
     PatchEncoderImpl(const std::vector<std::int64_t>& observation, std::int64_t channels,
                      const at::Generator& generator);
     /// [B, stack, H, W] uint8 -> [B, size()]
-    torch::Tensor forward(const torch::Tensor& observation) const { return stack_(stack_.scaled(observation)); }
+    torch::Tensor forward(const torch::Tensor& observation) const {
+        return stack_(stack_.scaled(observation));
+    }
     std::int64_t size() const { return stack_.features(); }
 
   private:
