@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 #include <map>
 #include <string>
 #include <utility>
@@ -10,7 +11,6 @@
 #include <torch/types.h>
 
 #include "agents/exploration.h"
-#include "agents/memory.h"
 #include "agents/network_settings.h"
 #include "agents/off_policy.h"
 #include "agents/state.h"
@@ -23,6 +23,8 @@ namespace cale {
 
 /// The defaults are CALE's for 200 million frames.
 struct ActorCriticSettings {
+    static constexpr const char* kSizeSettings = "agent.hidden_units or agent.hidden_layers";
+
     NetworkSettings network;
     ReplaySettings replay{.reward_scale = 0.1};
     Exploration exploration = Exploration::standard;
@@ -30,6 +32,7 @@ struct ActorCriticSettings {
     double learning_rate = 6.25e-5;
     double adam_epsilon = 1.5e-4;
     double tau = 0.005;
+    std::int64_t actor_period = 1;
 };
 
 template <class Visit>
@@ -45,15 +48,8 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
     visit("tau", settings.tau, Range{0, 1},
           "part of the online network that the target takes on at every gradient step");
-}
-
-/// Throws std::runtime_error, naming what is too large and the settings to lower, unless an agent with such a
-/// network fits into `available` bytes once its replay is full.
-inline void check_memory(const ActorCriticSettings& settings, const torch::nn::Module& network,
-                         const AgentSpec& spec, std::int64_t available) {
-    const NetworkMemory networks{parameter_bytes(network), /*target=*/true,
-                                 "agent.hidden_units or agent.hidden_layers"};
-    check_memory(settings.replay, spec, /*prioritised=*/false, memory_beside(networks, spec, available));
+    visit("actor_period", settings.actor_period, Range{1, 1'000'000},
+          "gradient steps of the critics for each one of the actor and of alpha");
 }
 
 /// An actor-critic network, its target, the temperature, and their optimisers.
@@ -73,30 +69,37 @@ struct ActorCriticState {
           adam(parameters, adam_config),
           alpha_adam({log_alpha}, adam_config) {}
 
-    /// Two networks of `make_network`, which makes the same one twice, on the spec's device; an alpha of 1.
-    template <class MakeNetwork>
-    ActorCriticState(const ActorCriticSettings& settings, const AgentSpec& spec,
-                     const MakeNetwork& make_network)
+    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device; an
+    /// alpha of 1.
+    template <std::derived_from<ActorCriticSettings> Config>
+    ActorCriticState(const Config& settings, const AgentSpec& spec)
         : ActorCriticState(
-              on_device(make_network(), spec.device), on_device(make_network(), spec.device),
+              initial_network(settings, spec), initial_network(settings, spec),
               torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_(),
-              {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {}
+              {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {
+        if (settings.actor_period > 1) adam.delay(actor);
+    }
 
     /// One gradient step on `losses`, J_Q without the factor 1/2, J_pi and J_alpha, [] each; then the target
-    /// follows by `tau`. Afterwards the losses are without their graphs. The gradients stay in the parameters
-    /// until the next call.
+    /// follows by `tau`. Where J_pi and J_alpha are undefined, on the critics alone: see Adam::delay().
+    /// Afterwards the losses are without their graphs. The gradients stay in the parameters until the next
+    /// call.
     template <class Losses>
     void step(Losses& losses, double tau) {
         adam.zero_grad();
         alpha_adam.zero_grad();
         // The lists say where each gradient ends: the actor's loss leaves the critics alone.
         (0.5 * losses.critic).backward({}, /*keep_graph=*/false, /*create_graph=*/false, critic);
-        losses.actor.backward({}, /*keep_graph=*/false, /*create_graph=*/false, actor);
-        losses.alpha.backward({}, /*keep_graph=*/false, /*create_graph=*/false, {{log_alpha}});
-        adam.step();
-        alpha_adam.step();
+        const bool with_actor = losses.actor.defined();
+        if (with_actor) {
+            losses.actor.backward({}, /*keep_graph=*/false, /*create_graph=*/false, actor);
+            losses.alpha.backward({}, /*keep_graph=*/false, /*create_graph=*/false, {{log_alpha}});
+        }
+        adam.step(with_actor);
+        if (with_actor) alpha_adam.step();
         soft_update(target_parameters, parameters, tau);
-        for (auto* loss : {&losses.critic, &losses.actor, &losses.alpha}) *loss = loss->detach();
+        for (auto* loss : {&losses.critic, &losses.actor, &losses.alpha})
+            if (loss->defined()) *loss = loss->detach();
     }
 
     /// Adds network/, target/, adam/, alpha_adam/ and log_alpha.
@@ -126,8 +129,10 @@ struct ActorCriticState {
     Adam adam, alpha_adam;                                     // of the network, of log_alpha
 
   private:
-    static Network on_device(Network made, torch::Device device) {
-        made->to(device);
+    template <class Config>
+    static Network initial_network(const Config& settings, const AgentSpec& spec) {
+        auto made = make_network(settings, spec, initial_values(spec));
+        made->to(spec.device);
         return made;
     }
 };

@@ -2,33 +2,39 @@
 
 #include <stdexcept>
 
+#include <torch/types.h>
+
 namespace cale {
 
-void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSpace& observations) {
-    spec.num_actions = num_actions(actions);
-    spec.stack = observations.stack;
-    spec.frame_height = observations.shape.size() == 2 ? observations.shape[0] : 1;
-    spec.frame_width = observations.shape.back();
-}
-
 std::vector<std::int64_t> observation_shape(const AgentSpec& spec) {
-    if (spec.frame_height == 1) return {spec.stack, spec.frame_width};
-    return {spec.stack, spec.frame_height, spec.frame_width};
+    std::vector<std::int64_t> shape{spec.observation.stack};
+    shape.insert(shape.end(), spec.observation.shape.begin(), spec.observation.shape.end());
+    return shape;
 }
 
 void require_continuous(std::string_view who, const AgentSpec& spec) {
-    if (spec.num_actions == 0) return;
+    if (std::holds_alternative<Box>(spec.action_space)) return;
     throw std::invalid_argument(std::string(who) +
                                 " acts on the continuous joystick; this world has discrete actions: set "
                                 "env.action_space to continuous");
 }
 
 void require_discrete(std::string_view who, const AgentSpec& spec) {
-    if (spec.num_actions > 0) return;
+    if (std::holds_alternative<Discrete>(spec.action_space)) return;
     throw std::invalid_argument(
         std::string(who) +
         " chooses among discrete actions; this world has the continuous joystick: set "
         "env.action_space to minimal or full");
+}
+
+void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,
+                     const torch::Tensor& action) {
+    const auto& names = std::get<Box>(space).names;
+    const auto coordinates = action.cpu();
+    for (std::int64_t i = 0; i < coordinates.size(0); ++i) {
+        const auto name = names.empty() ? "axis_" + std::to_string(i) : names[static_cast<std::size_t>(i)];
+        metrics["charts/mean_" + name] = coordinates[i].item<double>();
+    }
 }
 
 }  // namespace cale

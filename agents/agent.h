@@ -12,42 +12,40 @@
 #include <torch/types.h>
 
 #include "agents/time_split.h"
-#include "cale/env.h"
 #include "networks/policy_weights.h"
 #include "networks/tensor_map.h"
-#include "parallel/process_group.h"
 #include "policy/network_spec.h"
+#include "world/spaces.h"
+#include "world/step_result.h"
 
 namespace cale {
 
+class ProcessGroup;
 class ReplayBuffer;
 
 /// The world that an agent is made for.
 ///
 /// Beside an agent's configuration there may be these functions, which the training programs call
-/// (agents/ppo.h has all of them):
+/// (agents/on_policy.h has all of them):
 ///   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
 ///                                          not fit together or to this world. make_NAME() calls it too. Is
-///                                          called before there is a game: num_actions is 0 or not, no more.
+///                                          called before there is a game: a discrete action_space may have
+///                                          any number of actions.
 ///   schedule_over_run(config)              Returns the key of the setting by which a schedule lasts for the
 ///                                          whole run, so that another train.total_steps changes it, or "".
 ///   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many
 ///                                          bytes once its replay or rollout is full.
 struct AgentSpec {
-    std::int64_t num_envs = 1;                 // of this process
-    std::int64_t num_actions = 0;              // 0: the continuous joystick
-    std::int64_t stack = 4;                    // frames of an observation
-    std::int64_t frame_height = kFrameHeight;  // rows of a frame
-    std::int64_t frame_width = kFrameWidth;    // columns of a frame
-    std::int64_t total_steps = 0;              // agent steps of the whole run, for schedules that end with it
-    bool overlap = false;                      // the environments step while the agent learns
-    std::uint64_t seed = 1;                    // all that is random in the agent follows from it
-    torch::Device device = torch::kCPU;        // where the networks are
-    ProcessGroup processes = {};  // that train this agent together, each with num_envs environments
+    std::int64_t num_envs = 1;                    // of this process
+    ActionSpace action_space = joystick_space();  // of the world
+    ObservationSpace observation = {};            // what the agent sees
+    std::int64_t total_steps = 0;        // agent steps of the whole run, for schedules that end with it
+    bool overlap = false;                // the environments step while the agent learns
+    std::uint64_t seed = 1;              // all that is random in the agent follows from it
+    torch::Device device = torch::kCPU;  // where the networks are
+    /// That train this agent together, each with num_envs environments. Null: this one alone.
+    const ProcessGroup* processes = nullptr;
 };
-
-/// The world's spaces become the spec's.
-void set_spaces(AgentSpec& spec, const ActionSpace& actions, const ObservationSpace& observations);
 
 /// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not
 /// that of the world.
@@ -55,15 +53,19 @@ void require_continuous(std::string_view who, const AgentSpec& spec);
 /// See require_continuous().
 void require_discrete(std::string_view who, const AgentSpec& spec);
 
+/// Adds charts/mean_<name> of each coordinate of an action [A] of a box, such as charts/mean_radius.
+void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,
+                     const torch::Tensor& action);
+
 /// One agent step of N environments. The spans need to live only during the call.
-struct Experiences {
+struct StepBatch {
     std::span<const std::uint8_t> frames;        // N newest frames: those the actions were chosen on
     torch::Tensor actions;                       // what act() returned
     std::span<const StepResult> results;         // N
     std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
 };
 
-/// Returns [stack, rows, columns], or [stack, bytes] where an observation is no image.
+/// Returns the shape of an observation: [stack, rows, columns], or [stack, bytes] where it is no image.
 std::vector<std::int64_t> observation_shape(const AgentSpec& spec);
 
 /// What is stored of an agent so that others can act as it does in its evaluations: docs/policy_file.md.
@@ -91,8 +93,8 @@ class Agent {
     /// Chooses one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
-    /// Takes in what followed. Called once per agent step.
-    virtual void observe(const Experiences& experiences) = 0;
+    /// Records what followed. Called once per agent step.
+    virtual void observe(const StepBatch& batch) = 0;
 
     /// Called once before every decision with the observations that it will be made on: the agent
     /// updates itself when its own rhythm says so. Returns whether it did.

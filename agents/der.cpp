@@ -1,7 +1,6 @@
 #include "agents/der.h"
 
 #include <map>
-#include <optional>
 #include <string>
 
 #include <torch/types.h>
@@ -10,11 +9,8 @@
 #include "networks/shapes.h"
 
 namespace cale {
-namespace {
 
 constexpr double kTiny = 1e-10;  // keeps priorities and probabilities off zero
-
-}  // namespace
 
 // Pieces ------------------------------------------------------------------------------
 
@@ -40,13 +36,19 @@ torch::Tensor importance_weights(const torch::Tensor& probability, double expone
 
 namespace {
 
+/// The returns that atoms stand for, if there are several.
+torch::Tensor support_of(const DerConfig& config, const torch::TensorOptions& options) {
+    return config.distributional ? atom_support(config.num_atoms, config.value_limit, options)
+                                 : torch::Tensor();
+}
+
 /// Action values [B, A] of a network's output [B, A, atoms].
 torch::Tensor action_values(const torch::Tensor& output, const torch::Tensor& support) {
     return support.defined() ? (output.softmax(2) * support).sum(2) : output.squeeze(2);
 }
 
 /// The outputs [B, atoms] of the actions [B] in [B, A, atoms].
-torch::Tensor gather_actions(const torch::Tensor& output, const torch::Tensor& actions) {
+torch::Tensor gather_outputs(const torch::Tensor& output, const torch::Tensor& actions) {
     return output.gather(1, actions.view({-1, 1, 1}).expand({-1, 1, output.size(2)})).squeeze(1);
 }
 
@@ -60,10 +62,8 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
 
     const auto output = network(batch.observation, &noise.online);  // [B, A, atoms]
     const auto type = output.scalar_type();
-    const auto support = config.distributional
-                             ? atom_support(config.num_atoms, config.value_limit, output.options())
-                             : torch::Tensor();
-    const auto predicted = gather_actions(output, batch.action);  // [B, atoms]
+    const auto support = support_of(config, output.options());
+    const auto predicted = gather_outputs(output, batch.action);  // [B, atoms]
 
     torch::Tensor expected;  // [B, atoms], or [B, 1] if not distributional
     {
@@ -71,7 +71,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
         const auto next = target(batch.next_observation, &noise.target);
         // Double Q-learning: one network chooses, the other evaluates.
         const auto choosing = config.double_dqn ? network(batch.next_observation, &noise.target) : next;
-        const auto evaluated = gather_actions(next, action_values(choosing, support).argmax(1));
+        const auto evaluated = gather_outputs(next, action_values(choosing, support).argmax(1));
         const auto n_step_return = config.replay.reward_scale * batch.n_step_return.to(type).unsqueeze(1);
         const auto discount = batch.discount.to(type).unsqueeze(1);
         expected = config.distributional ? project_distribution(n_step_return + discount * support,
@@ -97,14 +97,14 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 
 // Agent -------------------------------------------------------------------------------
 
-namespace {
-
 QHeadConfig head_of(const DerConfig& config) {
     return {.num_atoms = config.distributional ? config.num_atoms : 1,
             .noisy = config.noisy,
             .initial_sigma = config.noisy_sigma,
             .value_limit = config.value_limit};
 }
+
+namespace {
 
 struct Der : QState {
     using Config = DerConfig;
@@ -114,17 +114,14 @@ struct Der : QState {
     Der(const DerConfig& settings, const AgentSpec& spec)
         : QState(settings, spec, head_of(settings)),
           config(settings),
-          num_actions(spec.num_actions),
-          device(spec.device) {
-        if (config.distributional)
-            support = atom_support(config.num_atoms, config.value_limit, torch::kFloat32).to(device);
-    }
+          num_actions(cale::num_actions(spec.action_space)),
+          device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         // With one draw for all, the environments would explore alike. Evaluation is free of noise.
         const auto noise = now.training() ? draw(now.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, now.training() ? &noise : nullptr);
-        const auto greedy = action_values(output, support).argmax(1).cpu();
+        const auto greedy = action_values(output, support_of(config, output.options())).argmax(1).cpu();
         return epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
     }
 
@@ -136,9 +133,8 @@ struct Der : QState {
         return der_update(*this, batch, weights, {online, draw(random)}, config);
     }
 
-    bool prioritised() const { return config.prioritised; }
     /// Noisy weights explore by themselves, from the first step on.
-    std::optional<double> epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
+    double epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
 
     std::map<std::string, double> metrics(const DerLosses& losses) const {
         return {{config.distributional ? "losses/cross_entropy" : "losses/td_loss",
@@ -153,23 +149,11 @@ struct Der : QState {
     DerConfig config;
     std::int64_t num_actions;
     torch::Device device;
-    torch::Tensor support;  // [atoms], if distributional
 };
 
 }  // namespace
 
-void check_settings(const DerConfig&, const AgentSpec& spec) {
-    require_discrete("DER", spec);
-}
-
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec) {
-    check_settings(config, spec);
     return off_policy<Der>(config, spec);
 }
-
-void check_memory(const DerConfig& config, const AgentSpec& spec, std::int64_t available) {
-    check_memory(config, spec, head_of(config), config.prioritised, "agent.hidden_units or agent.num_atoms",
-                 available);
-}
-
 }  // namespace cale

@@ -20,7 +20,9 @@ namespace cale {
 
 /// The defaults are Dopamine's for 100,000 agent steps.
 struct DerConfig : QSettings {
-    static constexpr ActionSet kActionSet = ActionSet::minimal;
+    static constexpr const char* kName = "DER";
+    static constexpr const char* kSizeSettings = "agent.hidden_units or agent.num_atoms";
+    static constexpr bool kDiscrete = true;
 
     DerConfig() {
         dueling = double_dqn = true;
@@ -94,11 +96,7 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec);
-/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
-void check_settings(const DerConfig& config, const AgentSpec& spec);
-
-/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
-/// into `available` bytes (see available_memory) once its memory is full.
-void check_memory(const DerConfig& config, const AgentSpec& spec, std::int64_t available);
+/// Returns how its network represents action values.
+QHeadConfig head_of(const DerConfig& config);
 
 }  // namespace cale

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <map>
-#include <optional>
 #include <string>
 
 #include <torch/types.h>
@@ -21,15 +20,14 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
     require_batch_shapes("dqn_losses", batch, {batch.observation.size(0)});
 
     const auto all_values = network(batch.observation).squeeze(2);
-    const auto q = values_of(all_values, batch.action);
+    const auto q = gather_actions(all_values, batch.action);
 
     torch::Tensor y;  // DQN's equation 2
     {
         const torch::NoGradGuard no_grad;
         const auto next = target(batch.next_observation).squeeze(2);
         const auto chosen = (config.double_dqn ? network(batch.next_observation).squeeze(2) : next).argmax(1);
-        y = config.replay.reward_scale * batch.n_step_return.to(q.dtype()) +
-            batch.discount.to(q.dtype()) * values_of(next, chosen);
+        y = bootstrapped(batch, gather_actions(next, chosen), config.replay.reward_scale);
     }
     const auto loss = config.loss == ValueLoss::huber ? at::huber_loss(q, y) : at::mse_loss(q, y);
     return {loss, q.detach(), y};
@@ -51,7 +49,9 @@ struct Dqn : QState {
     static constexpr bool kDrawsInUpdates = false;
 
     Dqn(const DqnConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, QHeadConfig{}), config(settings), num_actions(spec.num_actions) {}
+        : QState(settings, spec, head_of(settings)),
+          config(settings),
+          num_actions(cale::num_actions(spec.action_space)) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)
@@ -60,8 +60,6 @@ struct Dqn : QState {
     }
 
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }
-
-    std::optional<double> epsilon(double scheduled) const { return scheduled; }
 
     std::map<std::string, double> metrics(const DqnLosses& losses) const {
         return {{"losses/td_loss", losses.loss.item<double>()},
@@ -74,17 +72,7 @@ struct Dqn : QState {
 
 }  // namespace
 
-void check_settings(const DqnConfig&, const AgentSpec& spec) {
-    require_discrete("DQN", spec);
-}
-
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec) {
-    check_settings(config, spec);
     return off_policy<Dqn>(config, spec);
 }
-
-void check_memory(const DqnConfig& config, const AgentSpec& spec, std::int64_t available) {
-    check_memory(config, spec, QHeadConfig{}, /*prioritised=*/false, "agent.hidden_units", available);
-}
-
 }  // namespace cale

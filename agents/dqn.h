@@ -23,7 +23,9 @@ std::span<const std::string_view> names_of(ValueLoss);
 
 /// The defaults are Dopamine's for 200 million frames.
 struct DqnConfig : QSettings {
-    static constexpr ActionSet kActionSet = ActionSet::minimal;
+    static constexpr const char* kName = "DQN";
+    static constexpr const char* kSizeSettings = "agent.hidden_units";
+    static constexpr bool kDiscrete = true;
 
     ValueLoss loss = ValueLoss::mse;
 };
@@ -52,11 +54,9 @@ DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config)
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec);
-/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
-void check_settings(const DqnConfig& config, const AgentSpec& spec);
-
-/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
-/// into `available` bytes (see available_memory) once its memory is full.
-void check_memory(const DqnConfig& config, const AgentSpec& spec, std::int64_t available);
+/// Returns how its network represents action values: plainly.
+inline QHeadConfig head_of(const DqnConfig&) {
+    return {};
+}
 
 }  // namespace cale

@@ -6,6 +6,8 @@
 
 #include <torch/types.h>
 
+#include "parallel/process_group.h"
+
 namespace cale {
 namespace {
 
@@ -23,13 +25,14 @@ const torch::Tensor& part(const TensorMap& state, const std::string& name, std::
 
 }  // namespace
 
-EnvShare::EnvShare(const AgentSpec& spec)
-    : first(spec.num_envs * spec.processes.rank()),
-      count(spec.num_envs),
-      all(spec.num_envs * spec.processes.size()) {}
+EnvShare::EnvShare(const AgentSpec& spec) : count(spec.num_envs), all(spec.num_envs) {
+    if (spec.processes == nullptr) return;
+    first = count * spec.processes->rank();
+    all = count * spec.processes->size();
+}
 
-torch::Tensor EnvShare::own(const torch::Tensor& of_all) const {
-    return of_all.slice(0, first, first + count);
+torch::Tensor EnvShare::own(const torch::Tensor& global) const {
+    return global.slice(0, first, first + count);
 }
 
 torch::Tensor EnvShare::among_all(const torch::Tensor& own, double filler) const {
@@ -75,11 +78,11 @@ TensorMap share_of_rollout(const TensorMap& whole, const EnvShare& share) {
     const auto end = share.first + share.count;
     TensorMap found;
     for (const auto* name : kByStepAndEnv) {
-        const auto& of_all = part(whole, name, 2);
-        if (of_all.size(1) != share.all)
-            throw std::runtime_error("a stored rollout is of " + std::to_string(of_all.size(1)) +
+        const auto& global = part(whole, name, 2);
+        if (global.size(1) != share.all)
+            throw std::runtime_error("a stored rollout is of " + std::to_string(global.size(1)) +
                                      " environments, not of " + std::to_string(share.all));
-        found[name] = of_all.slice(1, share.first, end).clone();
+        found[name] = global.slice(1, share.first, end).clone();
     }
     const auto& cut_at = part(whole, kCutAt, 2);
     const auto env = cut_at.select(1, 1);

@@ -17,7 +17,7 @@ struct EnvShare {
     explicit EnvShare(std::int64_t count_) : count(count_), all(count_) {}
 
     /// The own rows of a tensor [all, ...].
-    torch::Tensor own(const torch::Tensor& of_all) const;
+    torch::Tensor own(const torch::Tensor& global) const;
     /// A tensor [all, ...] in which `own` [count, ...] is in its place, and `filler` elsewhere.
     torch::Tensor among_all(const torch::Tensor& own, double filler) const;
     /// Of numbers of rows [any] in T x `all` those that are own, as numbers of rows in T x `count`.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <stdexcept>
 
 #include <torch/types.h>
 
@@ -17,6 +18,12 @@ double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, s
     const auto steps_left = static_cast<double>(decay_period + warmup_steps - step);
     const double bonus = (1 - final) * steps_left / static_cast<double>(decay_period);
     return final + std::clamp(bonus, 0.0, 1 - final);
+}
+
+void require_finite(const torch::Tensor& actions) {
+    if (actions.isfinite().all().item<bool>()) return;
+    throw std::runtime_error(
+        "the actor's output is not finite: training has diverged, try a lower learning_rate");
 }
 
 torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random) {

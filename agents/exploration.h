@@ -37,6 +37,9 @@ void fields(EpsilonSettings& settings, Visit&& visit) {
 double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, std::int64_t warmup_steps,
                                  double final);
 
+/// Throws std::runtime_error where an actor's output is not finite.
+void require_finite(const torch::Tensor& actions);
+
 /// [count, A]; coordinates are independent, so uniform in (r, theta) and not on the disc.
 torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
 

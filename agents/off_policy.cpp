@@ -10,28 +10,13 @@
 #include <torch/types.h>
 
 #include "networks/shapes.h"
-#include "replay/rewards.h"
+#include "replay/types.h"
 
 namespace cale {
 namespace {
 
-constexpr std::int64_t kJoystickAxes = 3;  // r, theta, fire
-
 constexpr std::array kDeviceParts{&Batch::observation, &Batch::action,           &Batch::n_step_return,
                                   &Batch::discount,    &Batch::next_observation, &Batch::probability};
-
-ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
-    return {.capacity = settings.replay_capacity,
-            .num_envs = spec.num_envs,
-            .stack = spec.stack,
-            .frame_height = spec.frame_height,
-            .frame_width = spec.frame_width,
-            .action_size = spec.num_actions == 0 ? kJoystickAxes : 0,
-            .update_horizon = settings.update_horizon,
-            .gamma = settings.gamma,
-            .replay_terminal = settings.replay_terminal,
-            .prioritised = prioritised};
-}
 
 /// The random streams of an agent. Their numbers are part of a run: another number is another seed. Where
 /// updates draw nothing, evaluation has their number.
@@ -39,9 +24,16 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvalu
 
 }  // namespace
 
-void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
-                  std::int64_t available) {
-    check_memory(replay_config(settings, spec, prioritised), available);
+ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
+    return {.capacity = settings.replay_capacity,
+            .num_envs = spec.num_envs,
+            .stack = spec.observation.stack,
+            .frame_shape = spec.observation.shape,
+            .action_size = box_size(spec.action_space),
+            .update_horizon = settings.update_horizon,
+            .gamma = settings.gamma,
+            .replay_terminal = settings.replay_terminal,
+            .prioritised = prioritised};
 }
 
 AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised)
@@ -61,38 +53,41 @@ AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, 
     }
 }
 
-void AgentReplay::record(const Experiences& seen) {
+void AgentReplay::record(const StepBatch& batch) {
     const Timed timed(time_.replay);
-    const auto frame_size = static_cast<std::size_t>(spec_.frame_height * spec_.frame_width);
+    const auto frame_size = static_cast<std::size_t>(spec_.observation.frame_size());
     const auto count = static_cast<std::size_t>(spec_.num_envs);
-    const bool continuous = spec_.num_actions == 0;
+    const auto action_size = box_size(spec_.action_space);
+    const bool continuous = action_size > 0;
     const auto actions =
-        seen.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
-    if (seen.results.size() != count || seen.frames.size() != count * frame_size ||
-        actions.numel() != spec_.num_envs * (continuous ? kJoystickAxes : 1)) {
+        batch.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
+    if (batch.results.size() != count || batch.frames.size() != count * frame_size ||
+        actions.numel() != spec_.num_envs * std::max<std::int64_t>(action_size, 1)) {
         throw std::invalid_argument("the replay expects the results, frames and actions of " +
                                     std::to_string(count) + " environments, not of " +
-                                    std::to_string(seen.results.size()));
+                                    std::to_string(batch.results.size()));
     }
-    require_finite_rewards(seen.results);
+    require_finite_rewards(batch.results);
     const auto limit = static_cast<float>(settings_.reward_clip.value_or(INFINITY));
     for (std::size_t env = 0; env < count; ++env) {
-        const auto& result = seen.results[env];
+        const auto& result = batch.results[env];
         // Frames that are not there are left for the replay to refuse.
         const auto frame_of = [&](std::span<const std::uint8_t> frames) {
             return frames.size() == count * frame_size ? frames.subspan(env * frame_size, frame_size)
                                                        : std::span<const std::uint8_t>();
         };
-        Experience experience{.frame = frame_of(seen.frames),
+        Experience experience{.frame = frame_of(batch.frames),
                               .reward = std::clamp(result.reward, -limit, limit),
                               .terminal = result.terminal,
                               .truncated = result.truncated};
         if (continuous) {
-            experience.action = {actions.const_data_ptr<float>() + env * kJoystickAxes, kJoystickAxes};
+            experience.action = {
+                actions.const_data_ptr<float>() + env * static_cast<std::size_t>(action_size),
+                static_cast<std::size_t>(action_size)};
         } else {
             experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
         }
-        if (result.truncated) experience.final_frame = frame_of(seen.final_frames);
+        if (result.truncated) experience.final_frame = frame_of(batch.final_frames);
         buffer_.add(static_cast<std::int64_t>(env), experience);
     }
 }
@@ -146,6 +141,11 @@ void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArray
     require_shape(who, "the next observation", batch.next_observation, batch.observation.sizes());
 }
 
+torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale) {
+    const auto type = next_value.scalar_type();
+    return reward_scale * batch.n_step_return.to(type) + batch.discount.to(type) * next_value;
+}
+
 at::Generator initial_values(const AgentSpec& spec) {
     return make_generator(stream_seed(spec.seed, kInitialValues));
 }
@@ -154,6 +154,10 @@ RandomStreams::RandomStreams(const AgentSpec& spec, bool draws_in_updates)
     : acting(make_generator(stream_seed(spec.seed, kActing))),
       evaluation(make_generator(stream_seed(spec.seed, draws_in_updates ? kEvaluation : kUpdates))) {
     if (draws_in_updates) updates = make_generator(stream_seed(spec.seed, kUpdates), spec.device);
+}
+
+std::vector<at::Generator> RandomStreams::of_updates() const {
+    return updates.defined() ? std::vector{updates} : std::vector<at::Generator>{};
 }
 
 void RandomStreams::add_state(StateParts& parts) {

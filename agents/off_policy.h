@@ -62,9 +62,8 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
 }
 
-/// Throws as AgentReplay's constructor does where so many bytes are too few for it.
-void check_memory(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised,
-                  std::int64_t available);
+/// Returns the replay that an agent with these settings has.
+ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised);
 
 /// The replay of an agent, the count of its decisions, and the schedules that follow from that count.
 class AgentReplay {
@@ -74,7 +73,7 @@ class AgentReplay {
 
     /// Stores one step of every environment. Throws std::invalid_argument for other counts and for a reward
     /// that is not finite.
-    void record(const Experiences& seen);
+    void record(const StepBatch& batch);
     /// Whether more than min_replay transitions have been stored, so that updates may begin.
     bool ready() const;
 
@@ -125,10 +124,32 @@ struct RandomStreams {
     RandomStreams(const AgentSpec& spec, bool draws_in_updates);
     /// Adds random/acting, random/evaluation, and random/update_noise where updates draw.
     void add_state(StateParts& parts);
+    /// Returns the generator that updates draw from, or none.
+    std::vector<at::Generator> of_updates() const;
 
     at::Generator acting, evaluation;  // on the CPU
     at::Generator updates;             // on the agent's device; undefined where updates draw nothing
 };
+
+/// Returns the values' target y [B] for the value [B] of what follows: the scaled n-step return and the
+/// discounted value.
+torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
+
+/// See AgentSpec. Throws std::invalid_argument for a world without the actions that the agent is for.
+template <class Config>
+requires requires {
+    Config::kName;
+}
+void check_settings(const Config&, const AgentSpec& spec) {
+    Config::kDiscrete ? require_discrete(Config::kName, spec) : require_continuous(Config::kName, spec);
+}
+
+/// Returns whether an agent with these settings samples by priority.
+template <class Config>
+bool is_prioritised(const Config& config) {
+    if constexpr (requires { config.prioritised; }) return config.prioritised;
+    return false;
+}
 
 /// What an algorithm knows of the run when it acts.
 struct Acting {
@@ -141,17 +162,21 @@ struct Acting {
 
 /// An agent that learns from a replay. `Algorithm` has
 ///     Algorithm(const Config&, const AgentSpec&)       networks, targets, optimisers
-///     Config config                                    with `replay` and `epsilon`
+///     Config config                                    with `replay`, `epsilon`, kName and kDiscrete
 ///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
 ///                                                      graph (agents/captured_update.h)
 ///     Tensor act(const Tensor& observations, const Acting&)
-///     optional<double> epsilon(double scheduled)       epsilon in training; none: explores by its own noise
 ///     map<string, double> metrics(const Losses&)
 ///     void add_state(StateParts&)
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
-/// and, where it has them, a `network` with a specification `acting` (policies are exported by it),
-/// copy_to_target() with config.target_update_period, and prioritised() with
-/// Losses::priorities [B].
+/// and, where it has them,
+///     network->acting                                  the specification that policies are exported by
+///     void copy_to_target()                            every config.target_update_period decisions
+///     config.prioritised                               with Losses::priorities [B]
+///     double epsilon(double scheduled)                 epsilon in training, if not the scheduled one
+///     config.exploration                               standard: explores by its own noise, without epsilon
+///     config.actor_period                              learn() takes a third argument, false in gradient
+///                                                      steps that leave the actor as it is
 /// With N environments an update() stands for N decisions, and each of them whose number is a multiple of
 /// update_period is one update: 1 / update_period per agent step, as with N = 1.
 template <class Algorithm>
@@ -161,10 +186,10 @@ class OffPolicy final : public Agent {
     OffPolicy(const typename Algorithm::Config& config, const AgentSpec& spec)
         : spec_(spec),
           algorithm_(config, spec),
-          replay_(config.replay, spec, prioritised()),
+          replay_(config.replay, spec, is_prioritised(config)),
           random_(spec, Algorithm::kDrawsInUpdates),
-          gradient_step_(spec.device, Algorithm::kDrawsInUpdates ? std::vector{random_.updates}
-                                                                 : std::vector<at::Generator>{}) {}
+          gradient_step_(spec.device, random_.of_updates()),
+          critics_step_(spec.device, random_.of_updates()) {}
 
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
@@ -175,7 +200,7 @@ class OffPolicy final : public Agent {
                                .random = training ? random_.acting : random_.evaluation});
     }
 
-    void observe(const Experiences& seen) override { replay_.record(seen); }
+    void observe(const StepBatch& batch) override { replay_.record(batch); }
 
     bool update(const torch::Tensor&) override {
         const auto& config = algorithm_.config;
@@ -193,7 +218,7 @@ class OffPolicy final : public Agent {
     std::map<std::string, double> metrics() override {
         auto values = newest_ ? algorithm_.metrics(*newest_) : std::map<std::string, double>{};
         values["charts/learning_rate"] = algorithm_.config.learning_rate;
-        if (const auto epsilon = algorithm_.epsilon(scheduled_epsilon())) values["charts/epsilon"] = *epsilon;
+        if (const auto epsilon = exploration_epsilon()) values["charts/epsilon"] = *epsilon;
         return values;
     }
 
@@ -202,6 +227,7 @@ class OffPolicy final : public Agent {
         restore(parts(), state);
         newest_.reset();
         gradient_step_.forget();
+        critics_step_.forget();
     }
     std::optional<AgentPolicy> policy() const override {
         if constexpr (requires { algorithm_.network->acting; })
@@ -211,10 +237,15 @@ class OffPolicy final : public Agent {
     ReplayBuffer* replay() override { return &replay_.buffer(); }
 
   private:
-    bool prioritised() const {
-        if constexpr (requires { algorithm_.prioritised(); }) return algorithm_.prioritised();
-        return false;
+    /// None: the algorithm explores by its own noise.
+    std::optional<double> exploration_epsilon() const {
+        const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
+        if constexpr (requires { algorithm_.config.exploration; })
+            if (algorithm_.config.exploration == Exploration::standard) return std::nullopt;
+        if constexpr (requires { algorithm_.epsilon(scheduled); }) return algorithm_.epsilon(scheduled);
+        return scheduled;
     }
+    double epsilon() const { return exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0); }
 
     double evaluation_epsilon() const {
         const auto& config = algorithm_.config;
@@ -223,16 +254,23 @@ class OffPolicy final : public Agent {
         return config.epsilon.epsilon_eval;
     }
 
-    double scheduled_epsilon() const { return replay_.epsilon(algorithm_.config.epsilon); }
-    double epsilon() const {
-        return algorithm_.epsilon(scheduled_epsilon()).value_or(replay_.ready() ? 0.0 : 1.0);
+    bool delays_the_actor() const {
+        if constexpr (requires { algorithm_.config.actor_period; }) return algorithm_.config.actor_period > 1;
+        return false;
     }
 
     void learn() {
         const Batch batch = replay_.sample();
+        ++gradient_steps_;
+        if constexpr (requires { algorithm_.config.actor_period; }) {
+            if (gradient_steps_ % algorithm_.config.actor_period != 0) {
+                critics_step_([&] { algorithm_.learn(batch, random_.updates, /*with_actor=*/false); });
+                return;
+            }
+        }
         gradient_step_([&] { newest_ = algorithm_.learn(batch, random_.updates); });
         if constexpr (requires { newest_->priorities; })
-            if (prioritised()) replay_.set_priorities(batch, newest_->priorities);
+            if (is_prioritised(algorithm_.config)) replay_.set_priorities(batch, newest_->priorities);
     }
 
     StateParts parts() {
@@ -240,6 +278,7 @@ class OffPolicy final : public Agent {
         algorithm_.add_state(parts);
         random_.add_state(parts);
         replay_.add_state(parts);
+        if (delays_the_actor()) parts.counters["gradient_steps"] = &gradient_steps_;
         return parts;
     }
 
@@ -247,13 +286,15 @@ class OffPolicy final : public Agent {
     Algorithm algorithm_;
     AgentReplay replay_;
     RandomStreams random_;
-    CapturedUpdate gradient_step_;
-    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step
+    CapturedUpdate gradient_step_, critics_step_;       // of everything; of all but a delayed actor
+    std::int64_t gradient_steps_ = 0;                   // a part of the state where an actor is delayed
+    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step of everything
 };
 
-/// Returns the agent that `Algorithm` makes of a replay. Throws as its constructor does.
+/// Returns the agent that `Algorithm` makes of a replay. Throws as check_settings() and its constructor do.
 template <class Algorithm>
 std::unique_ptr<Agent> off_policy(const typename Algorithm::Config& config, const AgentSpec& spec) {
+    if constexpr (requires { check_settings(config, spec); }) check_settings(config, spec);
     return std::make_unique<OffPolicy<Algorithm>>(config, spec);
 }
 

@@ -4,27 +4,19 @@
 
 #include <torch/types.h>
 
-#include "agents/memory.h"
 #include "networks/layers.h"
 
 namespace cale {
 
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator) {
-    head.num_actions = spec.num_actions;
+    head.num_actions = num_actions(spec.action_space);
     head.hidden_units = settings.hidden_units;
     head.dueling = settings.dueling;
     return QNetwork(
         EncoderConfig{
             .encoder = settings.encoder, .observation = observation_shape(spec), .padding = settings.padding},
         head, generator);
-}
-
-void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
-                  std::string_view size_settings, std::int64_t available) {
-    const auto network = make_q_network(settings, spec, head, no_values());
-    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, size_settings};
-    check_memory(settings.replay, spec, prioritised, memory_beside(networks, spec, available));
 }
 
 namespace {

@@ -1,8 +1,8 @@
 // What DQN and DER have in common: their settings, and what a gradient step changes.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
-#include <string_view>
 
 #include "agents/agent.h"
 #include "agents/exploration.h"
@@ -51,10 +51,12 @@ void fields(QSettings& settings, Visit&& visit) {
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator);
 
-/// Throws std::runtime_error, naming what is too large and the `size_settings` to lower, unless an agent with
-/// such a network fits into `available` bytes once its replay is full.
-void check_memory(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head, bool prioritised,
-                  std::string_view size_settings, std::int64_t available);
+/// Returns the network of an agent with these settings; head_of(config) says how action values are
+/// represented.
+template <std::derived_from<QSettings> Config>
+QNetwork make_network(const Config& config, const AgentSpec& spec, const at::Generator& generator) {
+    return make_q_network(config, spec, head_of(config), generator);
+}
 
 /// A network for action values, its target, and the optimiser.
 struct QState {

@@ -26,7 +26,8 @@ std::span<const std::string_view> names_of(CriticTarget);
 
 /// The defaults are CALE's for 200 million frames.
 struct SacConfig : ActorCriticSettings {
-    static constexpr ActionSet kActionSet = ActionSet::continuous;
+    static constexpr const char* kName = "SAC";
+    static constexpr bool kDiscrete = false;
 
     double target_entropy = -1.5;
     CriticTarget critic_target = CriticTarget::target_mean_action;
@@ -48,26 +49,28 @@ struct SacNoise {
     torch::Tensor actor;   // for the action at the state
 };
 
-/// The first three are means over the batch and carry gradients; the rest is for the log.
+/// The first three are means over the batch and carry gradients; the rest is for the log. Of the critics
+/// alone: critic, q1, q2 and target_values.
 struct SacLosses {
-    torch::Tensor critic;         // [] J_Q, without the factor 1/2
-    torch::Tensor actor;          // [] J_pi
-    torch::Tensor alpha;          // [] J_alpha
-    torch::Tensor q1, q2;         // [B] values of the stored actions
-    torch::Tensor target_values;  // [B] y
-    torch::Tensor entropy;        // [B] -log pi of the actor's own sample
-    torch::Tensor mean_action;    // [B, 3] of the actor
+    torch::Tensor critic;            // [] J_Q, without the factor 1/2
+    torch::Tensor actor = {};        // [] J_pi
+    torch::Tensor alpha = {};        // [] J_alpha
+    torch::Tensor q1, q2;            // [B] values of the stored actions
+    torch::Tensor target_values;     // [B] y
+    torch::Tensor entropy = {};      // [B] -log pi of the actor's own sample
+    torch::Tensor mean_action = {};  // [B, 3] of the actor
 };
 
-/// A pure function of its arguments. `log_alpha` is [1]. Throws std::invalid_argument, naming
-/// both shapes, where the batch or the noise do not fit together.
+/// A pure function of its arguments. `log_alpha` is [1]. Without the actor, the losses of the critics alone.
+/// Throws std::invalid_argument, naming both shapes, where the batch or the noise do not fit together.
 SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torch::Tensor& log_alpha,
-                     const Batch& batch, const SacNoise& noise, const SacConfig& config);
+                     const Batch& batch, const SacNoise& noise, const SacConfig& config,
+                     bool with_actor = true);
 
-/// One gradient step on every loss, then the target follows. Returns the losses before the
+/// One gradient step on these losses, then the target follows. Returns the losses before the
 /// step, without their graphs; the gradients stay in the parameters until the next call.
 SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, const SacNoise& noise,
-                     const SacConfig& config);
+                     const SacConfig& config, bool with_actor = true);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
 /// charts/{learning_rate, epsilon, mean_radius, mean_theta, mean_fire}.
@@ -75,11 +78,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 /// training_steps, random/....
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
-/// See AgentSpec. Throws std::invalid_argument for a world with discrete actions.
-void check_settings(const SacConfig& config, const AgentSpec& spec);
-
-/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
-/// into `available` bytes (see available_memory) once its memory is full.
-void check_memory(const SacConfig& config, const AgentSpec& spec, std::int64_t available);
+/// Returns its network for such a world, on the CPU.
+SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator);
 
 }  // namespace cale

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <optional>
 #include <string>
 
 #include <torch/types.h>
@@ -32,14 +31,13 @@ torch::Tensor target_values(SacdNetwork& network, SacdNetwork& target, const tor
                             : network->log_policy(network->encoder->trunk(batch.next_observation));
     const auto q = target->critic(target->encoder->critic_branch(features)).minimum();
     const auto soft_value = (log_pi.exp() * (q - alpha * log_pi)).sum(1);
-    return config.replay.reward_scale * batch.n_step_return.to(q.dtype()) +
-           batch.discount.to(q.dtype()) * soft_value;
+    return bootstrapped(batch, soft_value, config.replay.reward_scale);
 }
 
 }  // namespace
 
 SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
-                       const Batch& batch, double target_entropy, const SacdConfig& config) {
+                       const Batch& batch, double target_entropy, const SacdConfig& config, bool with_actor) {
     require_shape("sacd_losses", "log_alpha", log_alpha, {1});
     require_batch_shapes("sacd_losses", batch, {batch.observation.size(0)});
 
@@ -49,35 +47,40 @@ SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const 
     // Critics, SAC's equation 5 for values of every action.
     const auto features = network->encoder->trunk(batch.observation);
     const auto values = network->critic(network->encoder->critic_branch(features));
-    const auto q1 = values_of(values.q1, batch.action), q2 = values_of(values.q2, batch.action);
-    const auto critic_loss = ((q1 - y).square() + (q2 - y).square()).mean();
+    const auto q1 = gather_actions(values.q1, batch.action), q2 = gather_actions(values.q2, batch.action);
+    SacdLosses losses{.critic = ((q1 - y).square() + (q2 - y).square()).mean(),
+                      .q1 = q1.detach(),
+                      .q2 = q2.detach(),
+                      .target_values = y};
+    if (!with_actor) return losses;
 
     // Actor, SAC-D's equation 12: a sum over the actions, not their mean.
     const auto log_pi = network->log_policy(features);
     const auto pi = log_pi.exp();
-    const auto actor_loss = (pi * (alpha * log_pi - values.minimum().detach())).sum(1).mean();
+    losses.actor = (pi * (alpha * log_pi - values.minimum().detach())).sum(1).mean();
 
     // Temperature, SAC-D's equation 11, with log alpha in alpha's place as in SAC's code.
-    const auto entropy = -(pi * log_pi).sum(1).detach();
-    const auto alpha_loss = (log_alpha * (entropy - target_entropy)).mean();
-
-    return {critic_loss, actor_loss, alpha_loss, q1.detach(), q2.detach(), y, entropy};
+    losses.entropy = -(pi * log_pi).sum(1).detach();
+    losses.alpha = (log_alpha * (losses.entropy - target_entropy)).mean();
+    return losses;
 }
 
 SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch, double target_entropy,
-                       const SacdConfig& config) {
-    auto losses = sacd_losses(state.network, state.target, state.log_alpha, batch, target_entropy, config);
+                       const SacdConfig& config, bool with_actor) {
+    auto losses =
+        sacd_losses(state.network, state.target, state.log_alpha, batch, target_entropy, config, with_actor);
     state.step(losses, config.tau);
     return losses;
 }
 
 // Agent -------------------------------------------------------------------------------
 
-namespace {
-
 SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator) {
-    return SacdNetwork(config.network.encoder_for(spec), config.network.head(), spec.num_actions, generator);
+    return SacdNetwork(config.network.encoder_for(spec), config.network.head(),
+                       num_actions(spec.action_space), generator);
 }
+
+namespace {
 
 struct Sacd : ActorCriticState<SacdNetwork> {
     using Config = SacdConfig;
@@ -85,11 +88,10 @@ struct Sacd : ActorCriticState<SacdNetwork> {
     static constexpr bool kDrawsInUpdates = false;
 
     Sacd(const SacdConfig& settings, const AgentSpec& spec)
-        : ActorCriticState(settings, spec,
-                           [&] { return make_network(settings, spec, initial_values(spec)); }),
+        : ActorCriticState(settings, spec),
           config(settings),
-          num_actions(spec.num_actions),
-          target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(spec.num_actions))) {}
+          num_actions(cale::num_actions(spec.action_space)),
+          target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         if (now.training() && now.epsilon >= 1)
@@ -102,12 +104,8 @@ struct Sacd : ActorCriticState<SacdNetwork> {
         return epsilon_greedy(actions, standard ? 0 : now.epsilon, num_actions, now.random);
     }
 
-    SacdLosses learn(const Batch& batch, const at::Generator&) {
-        return sacd_update(*this, batch, target_entropy, config);
-    }
-
-    std::optional<double> epsilon(double scheduled) const {
-        return config.exploration == Exploration::epsilon_greedy ? std::optional(scheduled) : std::nullopt;
+    SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {
+        return sacd_update(*this, batch, target_entropy, config, with_actor);
     }
 
     SacdConfig config;
@@ -117,17 +115,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
 
 }  // namespace
 
-void check_settings(const SacdConfig&, const AgentSpec& spec) {
-    require_discrete("SAC-D", spec);
-}
-
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec) {
-    check_settings(config, spec);
     return off_policy<Sacd>(config, spec);
 }
-
-void check_memory(const SacdConfig& config, const AgentSpec& spec, std::int64_t available) {
-    check_memory(config, *make_network(config, spec, no_values()), spec, available);
-}
-
 }  // namespace cale

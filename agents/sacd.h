@@ -24,7 +24,8 @@ std::span<const std::string_view> names_of(NextPolicy);
 
 /// The defaults are those of CALE's table of hyper-parameters.
 struct SacdConfig : ActorCriticSettings {
-    static constexpr ActionSet kActionSet = ActionSet::minimal;
+    static constexpr const char* kName = "SAC-D";
+    static constexpr bool kDiscrete = true;
 
     SacdConfig() {
         replay.batch_size = 64;
@@ -45,25 +46,27 @@ void fields(SacdConfig& config, Visit&& visit) {
           "whose policy weighs the actions that follow: online, as in SAC-D, or the target network's");
 }
 
-/// The first three are means over the batch and carry gradients; the rest is for the log.
+/// The first three are means over the batch and carry gradients; the rest is for the log. Of the critics
+/// alone: critic, q1, q2 and target_values.
 struct SacdLosses {
     torch::Tensor critic;         // [] J_Q of both critics, without the factor 1/2
-    torch::Tensor actor;          // [] J_pi
-    torch::Tensor alpha;          // [] J_alpha
+    torch::Tensor actor = {};     // [] J_pi
+    torch::Tensor alpha = {};     // [] J_alpha
     torch::Tensor q1, q2;         // [B] values of the stored actions
     torch::Tensor target_values;  // [B] y
-    torch::Tensor entropy;        // [B] of the policy
+    torch::Tensor entropy = {};   // [B] of the policy
 };
 
-/// A pure function of its arguments. `log_alpha` is [1]. Throws std::invalid_argument, naming
-/// both shapes, where the batch does not fit together.
+/// A pure function of its arguments. `log_alpha` is [1]. Without the actor, the losses of the critics. Throws
+/// std::invalid_argument, naming both shapes, where the batch does not fit together.
 SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const torch::Tensor& log_alpha,
-                       const Batch& batch, double target_entropy, const SacdConfig& config);
+                       const Batch& batch, double target_entropy, const SacdConfig& config,
+                       bool with_actor = true);
 
-/// One gradient step on every loss, then the target follows. Returns the losses before the
+/// One gradient step on these losses, then the target follows. Returns the losses before the
 /// step, without their graphs.
 SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch, double target_entropy,
-                       const SacdConfig& config);
+                       const SacdConfig& config, bool with_actor = true);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
 /// charts/{learning_rate, epsilon}.
@@ -71,11 +74,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 /// training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
-/// See AgentSpec. Throws std::invalid_argument for a world with the continuous joystick.
-void check_settings(const SacdConfig& config, const AgentSpec& spec);
-
-/// Throws std::runtime_error, naming what is too large and the settings to lower, unless such an agent fits
-/// into `available` bytes (see available_memory) once its memory is full.
-void check_memory(const SacdConfig& config, const AgentSpec& spec, std::int64_t available);
+/// Returns its network for such a world, on the CPU.
+SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator);
 
 }  // namespace cale

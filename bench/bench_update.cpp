@@ -95,14 +95,14 @@ Update der(bool nature) {
 Update ppo(const PpoNetworkConfig& network_config) {
     const PpoConfig config;
     PpoNetwork network(network_config, 0, make_generator(1));
-    const auto learner = std::make_shared<PpoLearner>(network, 0, config);
+    const auto learner = std::make_shared<OnPolicyState>(network, 0, config);
     const auto size = config.minibatch_size;
-    const PpoMinibatch minibatch{torch::randint(0, 256, {size, 4, 84, 84}, torch::kUInt8),
-                                 torch::rand({size, 3}),
-                                 torch::randn({size}),
-                                 torch::randn({size}),
-                                 torch::randn({size}),
-                                 torch::randn({size})};
+    const RolloutBatch minibatch{.observation = torch::randint(0, 256, {size, 4, 84, 84}, torch::kUInt8),
+                                 .action = torch::rand({size, 3}),
+                                 .old_log_prob = torch::randn({size}),
+                                 .old_value = torch::randn({size}),
+                                 .advantage = torch::randn({size}),
+                                 .returns = torch::randn({size})};
     return [=] { ppo_update(*learner, minibatch, config); };
 }
 

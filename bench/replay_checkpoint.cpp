@@ -106,7 +106,7 @@ int measure(int argc, char** argv) {
     const auto took = [&](const fs::path& into, const cale::ReplaySnapshot::TakeOver& take_over) {
         double save = 0;
         const double all = seconds([&] {
-            auto snapshot = replay.snapshot();
+            cale::ReplaySnapshot snapshot(replay);
             save = seconds([&] { snapshot.save(into, take_over); });
         });
         std::printf("%s: snapshot %.1f ms, written in %.2f s, %.1f MB\n", into.filename().c_str(),
@@ -121,7 +121,7 @@ int measure(int argc, char** argv) {
         return !refused;
     });
     cale::ReplayBuffer loaded(config);
-    std::printf("loaded in %.2f s\n", seconds([&] { loaded.load(second); }));
+    std::printf("loaded in %.2f s\n", seconds([&] { load_replay(loaded, second); }));
     fs::remove_all(folder);
     return loaded.size() == replay.size() ? 0 : 1;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numbers>
 #include <random>
 #include <sstream>
 #include <stdexcept>
@@ -60,11 +59,6 @@ std::span<const std::string_view> names_of(PaddleStrength) {
     return kNames;
 }
 
-Box joystick_space() {
-    constexpr auto kPi = std::numbers::pi_v<float>;
-    return {.low = {0, -kPi, 0}, .high = {1, kPi, 1}};
-}
-
 ActionSpace action_space(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous) return joystick_space();
     return Discrete{kEventCount};
@@ -116,7 +110,7 @@ struct Env::Impl {
     StepResult advance(Event event, float strength) {
         if (episode_over)
             throw std::logic_error("the episode is over, or none was started: call reset() first");
-        StepResult result{.event = event, .frames = 0};
+        StepResult result{.event = static_cast<std::uint8_t>(event), .frames = 0};
         bool game_over = false;
         do {
             result.reward += static_cast<float>(emulator.act(event, strength));

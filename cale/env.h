@@ -87,8 +87,6 @@ EnvConfig protocol_200m(std::string game);
 /// Atari 100k: no sticky actions, a lost life ends the agent's episode.
 EnvConfig protocol_atari100k(std::string game);
 
-/// Returns the box of CALE's joystick: (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1].
-Box joystick_space();
 /// Returns what the settings alone say of the action space: of a game's own set, not how many there are (18).
 ActionSpace action_space(const EnvConfig& config);
 /// Returns what an agent sees: four frames {84, 84}, or four times the bytes of memory {128}.

@@ -97,7 +97,7 @@ class GameInPlay {
         }
         if (step.terminal || step.truncated) stack.clear(row);
         stack.push(row, frame_);
-        ++result_.events[static_cast<std::size_t>(step.event)];
+        ++result_.events[step.event];
         ++result_.rewards[step.reward];
         result_.episode_return += step.reward;
         result_.length += 1;
@@ -107,7 +107,7 @@ class GameInPlay {
         film_->shoot(env_, {.observation = frame_,
                             .action = joystick,
                             .threshold = threshold_,
-                            .event = step.event,
+                            .event = static_cast<Event>(step.event),
                             .episode_return = result_.episode_return,
                             .value = value_of(chosen, i)});
         if (over_) film_->finish();

@@ -82,9 +82,10 @@ torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const 
 /// stack and does not end the game. Throws what `decide` and the environments throw.
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
-/// Plays `games` episodes, one after the other, each in a world of its own with a seed that follows from `seed`
-/// and its number. Throws what `decide` and the world throw.
-Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games, std::uint64_t seed);
+/// Plays `games` episodes, one after the other, each in a world of its own with a seed that follows from
+/// `seed` and its number. Throws what `decide` and the world throw.
+Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games,
+                    std::uint64_t seed);
 
 /// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.
 /// Throws std::invalid_argument for no rewards.

@@ -19,9 +19,9 @@ NetworkSpec acting_half(const EncoderConfig& config, const TwoBranchEncoder& enc
 }  // namespace
 
 SacNetworkImpl::SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
-                               at::Generator generator)
+                               at::Generator generator, ActionBox action_box)
     : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
-      box(joystick_box()),
+      box(std::move(action_box)),
       acting(acting_half(encoder_config, encoder, head_config, {Head::Kind::squashed_gaussian})) {
     const auto axes = box.centre.size(0);
     actor = register_module("actor", Mlp(encoder->size(), 2 * axes, head_config, generator));

@@ -14,19 +14,19 @@
 
 namespace cale {
 
-/// A squashed Gaussian on the joystick's box, and critics of (state, action). float32 on the CPU until moved.
+/// A squashed Gaussian on a box of A axes, and critics of (state, action). float32 on the CPU until moved.
 class SacNetworkImpl : public torch::nn::Module {
   public:
     SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
-                   at::Generator generator);
+                   at::Generator generator, ActionBox action_box = joystick_box());
 
     /// The policy on the encoder's features [B, F]; its gradient does not reach the trunk.
     SquashedGaussian policy(const torch::Tensor& features);
-    /// Q1 and Q2 [B] of the critic's branch [B, Z] and an action [B, 3] in the box's own units.
+    /// Q1 and Q2 [B] of the critic's branch [B, Z] and an action [B, A] in the box's own units.
     TwinValues values(const torch::Tensor& critic_z, const torch::Tensor& action);
 
     TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
-    Mlp actor{nullptr};                 // actor.*: means and log standard deviations [B, 6]
+    Mlp actor{nullptr};                 // actor.*: means and log standard deviations [B, 2 A]
     TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
     ActionBox box;                      // beside the parameters, as buffers
     NetworkSpec acting;                 // the half that acts

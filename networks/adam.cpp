@@ -1,5 +1,6 @@
 #include "networks/adam.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -35,22 +36,36 @@ void Adam::set_learning_rate(double learning_rate) {
     if (learning_rate_.defined()) learning_rate_.fill_(learning_rate);
 }
 
-void Adam::step() {
+void Adam::delay(const std::vector<torch::Tensor>& parameters) {
+    delayed_steps_ = torch::zeros_like(steps_);
+    for (std::size_t i = 0; i < parameters_.size(); ++i) {
+        const auto same = [&](const torch::Tensor& parameter) { return parameter.is_same(parameters_[i]); };
+        if (std::ranges::any_of(parameters, same)) steps_of_each_[i] = delayed_steps_;
+    }
+}
+
+void Adam::step(bool with_delayed) {
     const torch::NoGradGuard no_grad;
-    std::vector<torch::Tensor> gradients;
-    gradients.reserve(parameters_.size());
-    for (const auto& parameter : parameters_) {
+    std::vector<torch::Tensor> parameters, gradients, first_moments, second_moments, steps;
+    for (std::size_t i = 0; i < parameters_.size(); ++i) {
+        if (!with_delayed && steps_of_each_[i].is_same(delayed_steps_)) continue;
+        const auto& parameter = parameters_[i];
         const auto& gradient = parameter.grad();
         if (!gradient.defined()) throw std::logic_error("Adam::step: a parameter has no gradient");
+        parameters.push_back(parameter);
         // The fused kernel walks raw memory, so both must be laid out alike.
         gradients.push_back(gradient.strides() == parameter.strides()
                                 ? gradient
                                 : torch::empty_like(parameter).copy_(gradient));
+        first_moments.push_back(first_moments_[i]);
+        second_moments.push_back(second_moments_[i]);
+        steps.push_back(steps_of_each_[i]);
     }
     steps_.add_(1);
+    if (with_delayed && delayed_steps_.defined()) delayed_steps_.add_(1);
     const auto update = [&](const auto& learning_rate) {
-        at::_fused_adam_(parameters_, gradients, first_moments_, second_moments_, {}, steps_of_each_,
-                         learning_rate, config_.beta1, config_.beta2, /*weight_decay=*/0, config_.epsilon,
+        at::_fused_adam_(parameters, gradients, first_moments, second_moments, {}, steps, learning_rate,
+                         config_.beta1, config_.beta2, /*weight_decay=*/0, config_.epsilon,
                          /*amsgrad=*/false, /*maximize=*/false);
     };
     if (learning_rate_.defined()) {
@@ -66,6 +81,7 @@ void Adam::zero_grad() {
 
 std::map<std::string, torch::Tensor> Adam::state() const {
     std::map<std::string, torch::Tensor> state{{"steps", steps_}};
+    if (delayed_steps_.defined()) state["delayed_steps"] = delayed_steps_;
     for (std::size_t i = 0; i < parameters_.size(); ++i) {
         state["first_moment." + std::to_string(i)] = first_moments_[i];
         state["second_moment." + std::to_string(i)] = second_moments_[i];

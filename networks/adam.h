@@ -26,13 +26,17 @@ class Adam {
     /// The parameters must be floating-point leaves of one device and type.
     Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
 
-    /// One step along the parameters' gradients, which must all be there. Throws std::logic_error if not.
-    void step();
+    /// Lets these of the parameters be left out of a step(); their steps are then counted apart.
+    void delay(const std::vector<torch::Tensor>& parameters);
+
+    /// One step along the parameters' gradients, which must all be there; without the delayed parameters,
+    /// along those of the others. Throws std::logic_error if not.
+    void step(bool with_delayed = true);
     /// Forgets the gradients.
     void zero_grad();
 
     /// The moments and the number of steps, sharing memory with this object:
-    /// "first_moment.0", ..., "second_moment.0", ..., "steps".
+    /// "first_moment.0", ..., "second_moment.0", ..., "steps", and "delayed_steps" after delay().
     std::map<std::string, torch::Tensor> state() const;
 
     double learning_rate() const { return config_.learning_rate; }  // of the next step()
@@ -42,8 +46,8 @@ class Adam {
   private:
     AdamConfig config_;
     std::vector<torch::Tensor> parameters_, first_moments_, second_moments_;
-    torch::Tensor steps_;                       // [] float32 beside the parameters, as the kernel wants it
-    std::vector<torch::Tensor> steps_of_each_;  // the same tensor once per parameter
+    torch::Tensor steps_, delayed_steps_;       // [] float32 beside the parameters, as the kernel wants it
+    std::vector<torch::Tensor> steps_of_each_;  // one of the two for every parameter
     torch::Tensor learning_rate_;               // [] float32 beside them, unless that is the CPU
 };
 

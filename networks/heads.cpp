@@ -87,7 +87,7 @@ SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
     return {mean, log_std.expand_as(mean)};
 }
 
-torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions) {
+torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {
     return values.gather(1, actions.unsqueeze(1)).squeeze(1);
 }
 
@@ -108,6 +108,16 @@ ActionBox joystick_box() {
         box.half_width[axis] = kStick[i].half_width;
         box.log_half_widths += std::log(kStick[i].half_width);
     }
+    return box;
+}
+
+ActionBox action_box(const ActionSpace& space) {
+    const auto* const limits = std::get_if<Box>(&space);
+    if (limits == nullptr || *limits == joystick_space()) return joystick_box();  // pi in double precision
+    const auto low = torch::tensor(at::ArrayRef<float>(limits->low));
+    const auto high = torch::tensor(at::ArrayRef<float>(limits->high));
+    ActionBox box{(low + high) / 2, (high - low) / 2};
+    box.log_half_widths = box.half_width.to(torch::kDouble).log().sum().item<double>();
     return box;
 }
 

@@ -13,6 +13,7 @@
 
 #include "networks/layers.h"
 #include "policy/network_spec.h"
+#include "world/spaces.h"
 
 namespace cale {
 
@@ -43,7 +44,7 @@ class MlpImpl : public torch::nn::Module {
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
 
 /// values [B, A], actions [B] int64 -> the values of the actions, [B].
-torch::Tensor values_of(const torch::Tensor& values, const torch::Tensor& actions);
+torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions);
 
 /// Two estimates of the same action values, of one shape.
 struct TwinValues {
@@ -72,6 +73,9 @@ struct ActionBox {
 
 /// CALE's joystick (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1], float32 on the CPU.
 ActionBox joystick_box();
+
+/// Returns the box of a space, float32 on the CPU: the joystick's for a discrete space, which has none.
+ActionBox action_box(const ActionSpace& space);
 
 /// The action centre + half_width * tanh(u), where u is normal with this mean and
 /// exp(log_std), which is neither clamped nor squashed: [B, A] each.

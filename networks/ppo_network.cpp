@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include <torch/types.h>
 
@@ -19,8 +20,8 @@ std::span<const std::string_view> names_of(Torso) {
 }
 
 PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions,
-                               at::Generator generator)
-    : box(joystick_box()) {
+                               at::Generator generator, ActionBox action_box)
+    : box(std::move(action_box)) {
     EncoderConfig encoder = config.encoder;
     const auto hidden = orthogonal(std::numbers::sqrt2);
     std::int64_t features = kSharedFeatures;
@@ -70,7 +71,7 @@ PpoNetworkImpl::Output PpoNetworkImpl::forward(const torch::Tensor& observation)
 }
 
 torch::Tensor log_prob(const PpoPolicy& policy, const torch::Tensor& action, const ActionBox& box) {
-    return policy.gaussian ? log_prob(*policy.gaussian, action, box) : values_of(policy.log_pi, action);
+    return policy.gaussian ? log_prob(*policy.gaussian, action, box) : gather_actions(policy.log_pi, action);
 }
 
 torch::Tensor entropy(const PpoPolicy& policy) {

@@ -39,8 +39,9 @@ struct PpoPolicy {
 /// Parameters are float32 on the CPU until moved.
 class PpoNetworkImpl : public torch::nn::Module {
   public:
-    /// `num_actions` 0: the continuous joystick.
-    PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions, at::Generator generator);
+    /// `num_actions` 0: actions of `action_box`.
+    PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions, at::Generator generator,
+                   ActionBox action_box = joystick_box());
 
     /// What the network says of B observations.
     struct Output {

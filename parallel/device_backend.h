@@ -13,6 +13,6 @@ namespace cale {
 /// none.
 c10::intrusive_ptr<c10d::Backend> device_backend(const c10::intrusive_ptr<c10d::Store>& store, int rank,
                                                  int size, c10::Device device,
-                                                 std::chrono::milliseconds patience);
+                                                 std::chrono::milliseconds timeout);
 
 }  // namespace cale

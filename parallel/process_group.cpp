@@ -23,7 +23,7 @@ namespace {
 using Bytes = std::vector<char>;
 
 /// How long a process waits for the others to be started.
-constexpr std::chrono::milliseconds kStartPatience = std::chrono::minutes(5);
+constexpr std::chrono::milliseconds kStartTimeout = std::chrono::minutes(5);
 
 std::optional<std::string> variable(const char* name) {
     const char* value = std::getenv(name);
@@ -60,7 +60,7 @@ c10::intrusive_ptr<c10d::Store> meeting_place(const ProcessPlace& place) {
     options.isServer = place.rank == 0 && !served;
     options.waitWorkers = !served;
     if (!served) options.numWorkers = static_cast<std::size_t>(place.size);
-    options.timeout = kStartPatience;
+    options.timeout = kStartTimeout;
     auto store = c10::make_intrusive<c10d::TCPStore>(place.master_address, options);
     const auto restart = variable("TORCHELASTIC_RESTART_COUNT").value_or("0");
     return c10::make_intrusive<c10d::PrefixStore>("cale/" + restart, store);
@@ -108,14 +108,14 @@ std::optional<ProcessPlace> place_from_environment() {
 }
 
 struct ProcessGroup::Impl {
-    Impl(const ProcessPlace& place_, c10::Device device_, std::chrono::milliseconds patience)
+    Impl(const ProcessPlace& place_, c10::Device device_, std::chrono::milliseconds timeout)
         : place(place_), device(device_) {
         try {
             const auto store = meeting_place(place);
             host = c10::make_intrusive<c10d::ProcessGroupGloo>(
                 c10::make_intrusive<c10d::PrefixStore>("gloo", store), place.rank, place.size,
-                c10d::ProcessGroupGloo::Options::create_default(patience));
-            if (!device.is_cpu()) on_device = device_backend(store, place.rank, place.size, device, patience);
+                c10d::ProcessGroupGloo::Options::create_default(timeout));
+            if (!device.is_cpu()) on_device = device_backend(store, place.rank, place.size, device, timeout);
         } catch (const std::invalid_argument&) {
             throw;
         } catch (const std::exception& error) {
@@ -180,8 +180,8 @@ struct ProcessGroup::Impl {
     c10::intrusive_ptr<c10d::Backend> host, on_device;
 };
 
-ProcessGroup::ProcessGroup(const ProcessPlace& place, c10::Device device, std::chrono::milliseconds patience)
-    : impl_(std::make_shared<const Impl>(place, device, patience)) {}
+ProcessGroup::ProcessGroup(const ProcessPlace& place, c10::Device device, std::chrono::milliseconds timeout)
+    : impl_(std::make_shared<const Impl>(place, device, timeout)) {}
 
 int ProcessGroup::rank() const {
     return impl_ ? impl_->place.rank : 0;
@@ -191,7 +191,7 @@ int ProcessGroup::size() const {
 }
 
 void ProcessGroup::sum(const std::vector<torch::Tensor>& tensors) const {
-    if (alone()) return;
+    if (single()) return;
     const torch::NoGradGuard no_grad;
     std::vector<torch::Tensor> flat;
     flat.reserve(tensors.size());
@@ -206,18 +206,18 @@ void ProcessGroup::sum(const std::vector<torch::Tensor>& tensors) const {
 }
 
 bool ProcessGroup::any(bool here) const {
-    return alone() ? here : impl_->numbers(here ? 1 : 0).any().item<bool>();
+    return single() ? here : impl_->numbers(here ? 1 : 0).any().item<bool>();
 }
 
 std::vector<ProcessGroup::TensorMap> ProcessGroup::gather(const TensorMap& own) const {
-    if (alone()) return {own};
+    if (single()) return {own};
     std::vector<TensorMap> all;
     for (const auto& bytes : impl_->gather(packed(own))) all.push_back(unpacked(bytes));
     return all;
 }
 
 void ProcessGroup::require_same(const std::string& text, const std::string& complaint) const {
-    if (alone()) return;
+    if (single()) return;
     const auto texts = impl_->gather(Bytes(text.begin(), text.end()));
     const bool differ = std::any_of(texts.begin(), texts.end(), [&](const Bytes& of_another) {
         return std::string_view(of_another.data(), of_another.size()) != text;
@@ -226,7 +226,7 @@ void ProcessGroup::require_same(const std::string& text, const std::string& comp
 }
 
 Moments moments(const torch::Tensor& part, const ProcessGroup& processes) {
-    if (processes.alone()) return {part.numel(), part.mean(), part.std(/*unbiased=*/false)};
+    if (processes.single()) return {part.numel(), part.mean(), part.std(/*unbiased=*/false)};
     const auto values = part.detach().to(torch::kFloat64);
     auto sums = torch::stack({torch::full_like(values.sum(), static_cast<double>(part.numel())), values.sum(),
                               values.square().sum()});

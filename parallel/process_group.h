@@ -39,13 +39,13 @@ class ProcessGroup {
     /// One process, alone: nothing below waits or changes anything.
     ProcessGroup() = default;
     /// Meets the others. Tensors on the CPU travel by Gloo; those on `device`, if it is a CUDA device, by
-    /// NCCL. `patience`: how long a call waits for the others, which may be evaluating meanwhile.
+    /// NCCL. `timeout`: how long a call waits for the others, which may be evaluating meanwhile.
     ProcessGroup(const ProcessPlace& place, c10::Device device,
-                 std::chrono::milliseconds patience = std::chrono::minutes(30));
+                 std::chrono::milliseconds timeout = std::chrono::minutes(30));
 
-    int rank() const;                           // this one's number, from 0
-    int size() const;                           // how many there are
-    bool alone() const { return size() == 1; }  // whether this is the only one
+    int rank() const;                            // this one's number, from 0
+    int size() const;                            // how many there are
+    bool single() const { return size() == 1; }  // whether this is the only one
     /// The one that writes logs and checkpoints.
     bool first() const { return rank() == 0; }
 

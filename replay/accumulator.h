@@ -7,22 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "replay/replay_buffer.h"
+#include "replay/types.h"
 
 namespace cale {
-
-/// The number of a frame: 0, 1, 2, ... in the order they were stored.
-using FrameId = std::int64_t;
-/// Stands for a frame of zeros, before an episode's first.
-inline constexpr FrameId kBlankFrame = -1;
-
-/// One agent step: the frame the action was chosen on, and the reward that followed.
-struct StoredStep {
-    FrameId frame = 0;
-    double reward = 0;
-};
-
-enum class EpisodeEnd { none, terminal, truncated };
 
 struct Transition {
     std::span<const FrameId> observation;  // stack of frames, newest last

@@ -19,7 +19,7 @@ torch::Tensor on_host(at::IntArrayRef shape, at::ScalarType type, torch::Device 
 }
 
 torch::Tensor frames_on(const ReplayConfig& config, torch::Device device) {
-    const auto count = frame_capacity(config) + 1, size = config.frame_height * config.frame_width;
+    const auto count = frame_capacity(config) + 1, size = config.frame_size();
     try {
         auto frames = torch::empty({count, size}, torch::dtype(torch::kUInt8).device(device));
         frames[-1].zero_();
@@ -41,9 +41,9 @@ FrameMirror::FrameMirror(const ReplayConfig& config, torch::Device device)
       staged_(on_host({kStagedFrames, frames_.size(1)}, torch::kUInt8, device)),
       read_(device.type()) {}
 
-void FrameMirror::gather(const ReplayStorage& storage, Batch& batch) {
-    follow(storage);
-    const auto rows = batch.index.size(0), depth = storage.stack;
+void FrameMirror::gather(const FrameRing& ring, Batch& batch) {
+    follow(ring);
+    const auto rows = batch.index.size(0), depth = ring.stack;
     if (!shown_.defined() || shown_.size(1) != rows) {
         shown_ = on_host({2, rows, depth}, torch::kInt64, device());
         shown_on_device_ = torch::empty({2, rows * depth}, torch::dtype(torch::kInt64).device(device()));
@@ -51,13 +51,13 @@ void FrameMirror::gather(const ReplayStorage& storage, Batch& batch) {
     wait_until_read();
     const auto* slots = batch.index.const_data_ptr<std::int64_t>();
     auto* shown = shown_.data_ptr<std::int64_t>();
-    const auto blank = storage.frames_capacity;
+    const auto blank = ring.frames_capacity;
     for (std::int64_t row = 0; row < rows; ++row) {
-        const auto frames = storage.frames_of(slots[row]);
+        const auto frames = ring.frames_of(slots[row]);
         for (std::int64_t i = 0; i < 2 * depth; ++i) {
             const auto frame = frames[static_cast<std::size_t>(i)];
             shown[(i / depth * rows + row) * depth + i % depth] =
-                frame == kBlankFrame ? blank : frame % storage.frames_capacity;
+                frame == kBlankFrame ? blank : frame % ring.frames_capacity;
         }
     }
     shown_on_device_.copy_(shown_.view_as(shown_on_device_), /*non_blocking=*/true);
@@ -68,21 +68,20 @@ void FrameMirror::gather(const ReplayStorage& storage, Batch& batch) {
     at::index_select_out(next_observation, frames_, 0, shown_on_device_[1]);
 }
 
-void FrameMirror::follow(const ReplayStorage& storage) {
-    const auto size = storage.frame_size;
+void FrameMirror::follow(const FrameRing& ring) {
+    const auto size = ring.frame_size;
     const auto copy_run = [&](std::int64_t slot, std::int64_t count) {
         for (std::int64_t done = 0; done < count; done += kStagedFrames) {
             const auto part = std::min(kStagedFrames, count - done);
             wait_until_read();
-            std::memcpy(staged_.data_ptr<std::uint8_t>(), storage.frames.data() + (slot + done) * size,
+            std::memcpy(staged_.data_ptr<std::uint8_t>(), ring.frames.data() + (slot + done) * size,
                         static_cast<std::size_t>(part * size));
             frames_.narrow(0, slot + done, part).copy_(staged_.narrow(0, 0, part), /*non_blocking=*/true);
             record_read();
         }
     };
-    for_each_run(std::max(seen_, storage.frames_begin()), storage.frames_end, storage.frames_capacity,
-                 copy_run);
-    seen_ = storage.frames_end;
+    for_each_run(std::max(seen_, ring.frames_begin()), ring.frames_end, ring.frames_capacity, copy_run);
+    seen_ = ring.frames_end;
 }
 
 void FrameMirror::wait_until_read() {

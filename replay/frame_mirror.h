@@ -5,7 +5,7 @@
 #include <c10/core/Event.h>
 #include <torch/types.h>
 
-#include "replay/replay_storage.h"
+#include "replay/frame_ring.h"
 
 namespace cale {
 
@@ -18,16 +18,16 @@ class FrameMirror {
 
     /// Fills batch.observation and batch.next_observation, which are on device(), with the stacks of the
     /// transitions in the slots batch.index. First brings the frames there that are new.
-    void gather(const ReplayStorage& storage, Batch& batch);
+    void gather(const FrameRing& ring, Batch& batch);
     /// Has all frames brought anew by the next gather(): they are another replay's.
     void forget() { seen_ = 0; }
 
   private:
-    void follow(const ReplayStorage& storage);
+    void follow(const FrameRing& ring);
     void wait_until_read();
     void record_read();
 
-    torch::Tensor frames_;           // [frames_capacity + 1, H * W] as in the storage; the last one is blank
+    torch::Tensor frames_;           // [frames_capacity + 1, H * W] as in the ring; the last one is blank
     torch::Tensor staged_;           // [some, H * W] on the host, frames on their way
     torch::Tensor shown_;            // [2, B, stack] int64 on the host: rows of frames_
     torch::Tensor shown_on_device_;  // the same

@@ -3,85 +3,48 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <random>
 #include <span>
-#include <string_view>
+#include <vector>
 
 #include <torch/types.h>
 
+#include "replay/accumulator.h"
+#include "replay/frame_mirror.h"
+#include "replay/frame_ring.h"
+#include "replay/sum_tree.h"
+#include "replay/types.h"
+
 namespace cale {
 
-class ReplaySnapshot;
+/// The largest priority: what float32 can say. The sum of as many as there may be is far from overflowing.
+inline constexpr double kMaxPriority = std::numeric_limits<float>::max();
 
-/// What is stored at an episode's end.
-///   corrected  every transition once, last reward included, full stacks; truncation bootstraps
-///   dopamine   what google/dopamine's accumulator emits, defects included (its issue #228)
-enum class ReplayTerminal { corrected, dopamine };
-std::span<const std::string_view> names_of(ReplayTerminal);
-
-/// The defaults are those of 200 million frames.
-struct ReplayConfig {
-    std::int64_t capacity = 1'000'000;  // transitions
-    std::int64_t num_envs = 1;          // that store here
-    std::int64_t stack = 4;             // frames of an observation
-    std::int64_t frame_height = 84;     // rows
-    std::int64_t frame_width = 84;      // columns
-    std::int64_t action_size = 3;       // continuous coordinates; 0: one discrete action
-    std::int64_t update_horizon = 1;    // n of the n-step return
-    double gamma = 0.99;                // discount per agent step
-    ReplayTerminal replay_terminal = ReplayTerminal::corrected;  // what is stored at an episode's end
-    bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
+/// What of a replay is neither frame nor transition.
+struct ReplayState {
+    FrameId frames_end = 0;                          // frames ever stored
+    std::int64_t transitions_begin = 0;              // the oldest transition that is left
+    std::int64_t transitions_end = 0;                // transitions ever stored
+    std::vector<std::vector<StoredStep>> windows{};  // the unfinished one of each environment
+    std::vector<double> priorities{};                // of each slot, if prioritised
+    double largest_priority = 1;                     // that was ever given
 };
-
-/// One agent step of one environment: `reward` followed `action`, which was chosen on
-/// the stack that ends with `frame`.
-struct Experience {
-    std::span<const std::uint8_t> frame = {};        // height x width
-    std::span<const float> action = {};              // action_size coordinates (continuous)
-    std::int64_t discrete_action = 0;                // (discrete)
-    float reward = 0;                                // of the step
-    bool terminal = false;                           // nothing follows: no bootstrapping
-    bool truncated = false;                          // cut off: what would have followed counts
-    std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
-};
-
-/// B transitions. `discount` is 0 where the window met a terminal, gamma^steps otherwise,
-/// so that a target is always n_step_return + discount * value(next_observation).
-struct Batch {
-    torch::Tensor observation;       // [B, stack, H, W] uint8, newest frame last
-    torch::Tensor action;            // [B, action_size] float32, or [B] int64
-    torch::Tensor n_step_return;     // [B] float32
-    torch::Tensor discount;          // [B] float32
-    torch::Tensor next_observation;  // [B, stack, H, W] uint8
-    torch::Tensor index;             // [B] int64: where they are stored, in [0, capacity)
-    torch::Tensor probability = {};  // [B] float32: with which each one was drawn
-};
-
-/// Bytes that a buffer of this configuration takes once it is full. Throws
-/// std::invalid_argument, naming key, value and range, for an impossible configuration.
-std::int64_t memory_needed(const ReplayConfig& config);
-
-/// Throws std::runtime_error, naming both figures and the key to lower, when the
-/// `available` bytes are fewer than memory_needed(config).
-void check_memory(const ReplayConfig& config, std::int64_t available);
 
 /// Not synchronised: calls that overlap are the caller's to prevent, but for const ones without a mirror.
+/// To write it to the disk and to read it: replay_snapshot.h.
 class ReplayBuffer {
   public:
-    /// Memory is taken as the buffer fills. Throws as memory_needed and, with what the
-    /// machine has left (see available_memory), as check_memory do.
+    /// Memory is taken as the buffer fills; whether there will be enough: replay_memory.h. Throws as
+    /// validate() does.
     /// `mirror`: the device on which the frames are kept a second time, and observations put together (see
     /// FrameMirror). Batches then have `observation` and `next_observation` there, and the rest on the CPU.
     /// Throws std::runtime_error where that device lacks the memory.
     explicit ReplayBuffer(const ReplayConfig& config, std::optional<torch::Device> mirror = std::nullopt);
-    ~ReplayBuffer();
-    ReplayBuffer(ReplayBuffer&&) noexcept;
-    ReplayBuffer& operator=(ReplayBuffer&&) noexcept;
 
-    const ReplayConfig& config() const;  // as it was made with
+    const ReplayConfig& config() const { return config_; }  // as it was made with
 
     /// Takes the next step of environment `env` and stores the transitions it completes.
     /// Environments may be interleaved in any order. A transition whose frames were
@@ -93,9 +56,9 @@ class ReplayBuffer {
 
     /// Transitions that can be sampled: at most `capacity`, and fewer where one of the
     /// capacity newest frames serves no transition of its own (after a truncation).
-    std::int64_t size() const;
+    std::int64_t size() const { return ring_->size(); }
     /// Transitions ever stored.
-    std::int64_t add_count() const;
+    std::int64_t add_count() const { return ring_->transitions_end; }
 
     /// Independent draws with replacement, the same on every platform.
     /// Uniform: for each one, 64 random bits w are drawn until w >= 2^64 mod size(), and w
@@ -126,20 +89,32 @@ class ReplayBuffer {
     /// [0, largest float32]; std::out_of_range for an index outside [0, capacity).
     void set_priorities(const torch::Tensor& index, const torch::Tensor& priority);
 
-    /// What is stored now, to be written by another thread while this one goes on; see ReplaySnapshot.
-    /// This buffer must outlive it. Throws std::logic_error while there is another.
-    ReplaySnapshot snapshot();
-    /// Writes everything: the transitions, the counters, the unfinished windows and the
-    /// priorities. Throws std::runtime_error naming the file.
-    void save(const std::filesystem::path& folder);
-    /// Goes on exactly where save() was. Throws std::runtime_error, and leaves the buffer
-    /// as it was, for a file that is missing, damaged, truncated, of another version, or of
-    /// another configuration. What the buffer held is in memory until the files proved good.
-    void load(const std::filesystem::path& folder);
+    /// The frames and transitions, in their place in memory until restore().
+    FrameRing& ring() { return *ring_; }
+    /// Returns everything else that is stored.
+    ReplayState state() const;
+    /// Replaces the contents by a ring made with config(), and by what belongs to it. Throws std::logic_error
+    /// while a snapshot of the present ring is read.
+    void restore(std::unique_ptr<FrameRing> ring, ReplayState state);
 
   private:
-    struct Impl;
-    std::unique_ptr<Impl> impl_;
+    /// Returns [batch_size, stack, ...].
+    std::vector<std::int64_t> stacks_shape(std::int64_t batch_size) const;
+    void require_shapes(const Batch& batch) const;
+    std::int64_t position_of(std::int64_t slot) const;
+    double probability(std::int64_t position) const;
+    torch::Device pixels_device() const { return mirror_ ? mirror_->device() : torch::kCPU; }
+    void copy(std::int64_t position, Batch& batch, std::int64_t row) const;
+    void sample_uniformly(Batch& batch, std::mt19937_64& random) const;
+    void sample_by_priority(Batch& batch, std::mt19937_64& random) const;
+    void follow_ring(std::int64_t begin, std::int64_t end);
+
+    ReplayConfig config_;
+    std::unique_ptr<FrameRing> ring_;
+    std::vector<Accumulator> accumulators_;  // one per environment
+    std::optional<SumTree> priorities_;      // if prioritised: of each slot, 0 where nothing lies
+    double largest_priority_ = 1;            // that was ever given
+    std::unique_ptr<FrameMirror> mirror_;    // or none
 };
 
 }  // namespace cale

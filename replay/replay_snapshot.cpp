@@ -9,7 +9,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "replay/replay_config.h"
 #include "replay/replay_file.h"
 
 namespace cale {
@@ -33,11 +32,11 @@ struct Ring {
     /// Large enough that there are few files; small enough that the one that is not full is soon written.
     std::int64_t chunk_size() const { return std::clamp<std::int64_t>(capacity / 16, 4, 16'384); }
 };
-Ring frames_ring(const ReplayStorage& storage) {
-    return {"frames", "CALE-FRM", storage.frames_capacity};
+Ring frames_ring(const FrameRing& ring) {
+    return {"frames", "CALE-FRM", ring.frames_capacity};
 }
-Ring transitions_ring(const ReplayStorage& storage) {
-    return {"transitions", "CALE-TRN", storage.capacity};
+Ring transitions_ring(const FrameRing& ring) {
+    return {"transitions", "CALE-TRN", ring.capacity};
 }
 
 /// The numbers [begin, end): those of chunk `index` that are there. `full`: no later ones belong to it.
@@ -135,7 +134,7 @@ bool priorities_are_possible(const ReplayState& state) {
     return true;
 }
 
-/// `for_each_array(visit)`: see ReplayStorage.
+/// `for_each_array(visit)`: see FrameRing.
 template <class ForEachArray>
 void save_chunk(const fs::path& path, const Ring& ring, const Chunk& chunk,
                 const ForEachArray& for_each_array) {
@@ -185,25 +184,26 @@ void save_chunks(const fs::path& folder, const Ring& ring, std::int64_t begin, s
 
 }  // namespace
 
-void ReplaySnapshot::LetGo::operator()(ReplayStorage* storage) const {
-    storage->held_frames.release();
-    storage->held_transitions.release();
+void ReplaySnapshot::Release::operator()(FrameRing* ring) const {
+    ring->held_frames.release();
+    ring->held_transitions.release();
 }
 
-ReplaySnapshot::ReplaySnapshot(const ReplayConfig& config, ReplayStorage& storage, ReplayState state)
-    : config_(config), state_(std::move(state)), frames_begin_(storage.frames_begin()) {
-    if (storage.is_held()) throw std::logic_error("a second snapshot of a replay while the first is read");
-    storage_.reset(&storage);
-    storage.held_frames.from(frames_begin_);
-    storage.held_transitions.from(state_.transitions_begin);
+ReplaySnapshot::ReplaySnapshot(ReplayBuffer& replay)
+    : config_(replay.config()), state_(replay.state()), frames_begin_(replay.ring().frames_begin()) {
+    if (replay.ring().is_held())
+        throw std::logic_error("a second snapshot of a replay while the first is read");
+    ring_.reset(&replay.ring());
+    ring_->held_frames.from(frames_begin_);
+    ring_->held_transitions.from(state_.transitions_begin);
 }
 
 void ReplaySnapshot::save(const fs::path& folder, const TakeOver& take_over) {
-    save_chunks(folder, transitions_ring(*storage_), state_.transitions_begin, state_.transitions_end,
-                storage_->held_transitions, take_over,
-                [&](const auto& visit) { storage_->for_each_transition_array(visit); });
-    save_chunks(folder, frames_ring(*storage_), frames_begin_, state_.frames_end, storage_->held_frames,
-                take_over, [&](const auto& visit) { storage_->for_each_frame_array(visit); });
+    save_chunks(folder, transitions_ring(*ring_), state_.transitions_begin, state_.transitions_end,
+                ring_->held_transitions, take_over,
+                [&](const auto& visit) { ring_->for_each_transition_array(visit); });
+    save_chunks(folder, frames_ring(*ring_), frames_begin_, state_.frames_end, ring_->held_frames, take_over,
+                [&](const auto& visit) { ring_->for_each_frame_array(visit); });
 
     ReplayFileWriter file((folder / kStateFile).string(), kStateMagic, kVersion);
     const Saving saving{file};
@@ -212,7 +212,15 @@ void ReplaySnapshot::save(const fs::path& folder, const TakeOver& take_over) {
     file.commit();
 }
 
-ReplayState load_replay(const fs::path& folder, const ReplayConfig& config, ReplayStorage& storage) {
+void save_replay(ReplayBuffer& replay, const fs::path& folder) {
+    ReplaySnapshot(replay).save(folder);
+}
+
+void load_replay(ReplayBuffer& replay, const fs::path& folder) {
+    if (replay.ring().is_held()) throw std::logic_error("a replay is loaded while a snapshot of it is read");
+    const auto& config = replay.config();
+    auto loaded = std::make_unique<FrameRing>(config);
+    FrameRing& ring = *loaded;
     ReplayFileReader file((folder / kStateFile).string(), kStateMagic, kVersion);
     require_same_configuration(config, file);
     ReplayState state;
@@ -223,21 +231,21 @@ ReplayState load_replay(const fs::path& folder, const ReplayConfig& config, Repl
     if (config.prioritised && !priorities_are_possible(state))
         file.fail("its priorities contradict each other");
 
-    storage.frames_end = state.frames_end;
-    storage.transitions_begin = state.transitions_begin;
-    storage.transitions_end = state.transitions_end;
-    const auto load_chunks = [&](const Ring& ring, std::int64_t begin, std::int64_t end,
+    ring.frames_end = state.frames_end;
+    ring.transitions_begin = state.transitions_begin;
+    ring.transitions_end = state.transitions_end;
+    const auto load_chunks = [&](const Ring& of, std::int64_t begin, std::int64_t end,
                                  const auto& for_each_array) {
-        for_each_chunk(begin, end, ring.chunk_size(), [&](const Chunk& chunk) {
-            load_chunk(folder / file_name(ring, chunk), ring, chunk, for_each_array);
+        for_each_chunk(begin, end, of.chunk_size(), [&](const Chunk& chunk) {
+            load_chunk(folder / file_name(of, chunk), of, chunk, for_each_array);
         });
     };
-    load_chunks(transitions_ring(storage), state.transitions_begin, state.transitions_end,
-                [&](const auto& visit) { storage.for_each_transition_array(visit); });
-    load_chunks(frames_ring(storage), storage.frames_begin(), state.frames_end,
-                [&](const auto& visit) { storage.for_each_frame_array(visit); });
-    if (!storage.restore_users()) file.fail("a transition shows a frame that it lacks");
-    return state;
+    load_chunks(transitions_ring(ring), state.transitions_begin, state.transitions_end,
+                [&](const auto& visit) { ring.for_each_transition_array(visit); });
+    load_chunks(frames_ring(ring), ring.frames_begin(), state.frames_end,
+                [&](const auto& visit) { ring.for_each_frame_array(visit); });
+    if (!ring.restore_users()) file.fail("a transition shows a frame that it lacks");
+    replay.restore(std::move(loaded), std::move(state));
 }
 
 }  // namespace cale

@@ -11,27 +11,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <string>
-#include <vector>
 
-#include "replay/replay_storage.h"
+#include "replay/frame_ring.h"
+#include "replay/replay_buffer.h"
 
 namespace cale {
-
-/// The largest priority: what float32 can say. The sum of as many as there may be is far from overflowing.
-inline constexpr double kMaxPriority = std::numeric_limits<float>::max();
-
-/// What of a replay is neither frame nor transition.
-struct ReplayState {
-    FrameId frames_end = 0;
-    std::int64_t transitions_begin = 0;
-    std::int64_t transitions_end = 0;
-    std::vector<std::vector<StoredStep>> windows{};  // the unfinished one of each environment
-    std::vector<double> priorities{};                // of each slot, if prioritised
-    double largest_priority = 1;
-};
 
 /// What a replay held at one moment, for another thread to write while the replay goes on. Nothing but the
 /// ReplayState is copied. The replay waits where it would overwrite a frame or transition that is yet to be
@@ -42,25 +28,30 @@ class ReplaySnapshot {
     /// now and need not be written again. Asked for full chunks only.
     using TakeOver = std::function<bool(const std::string& file)>;
 
-    /// Throws std::logic_error while there is another snapshot of the storage, which must outlive this one.
-    ReplaySnapshot(const ReplayConfig& config, ReplayStorage& storage, ReplayState state);
+    /// Of what is stored now. The replay must outlive it. Throws std::logic_error while there is another.
+    explicit ReplaySnapshot(ReplayBuffer& replay);
 
     /// Writes the files into the folder, which exists; once only. Throws std::runtime_error, naming the file.
     void save(const std::filesystem::path& folder, const TakeOver& take_over = {});
 
   private:
-    struct LetGo {
-        void operator()(ReplayStorage* storage) const;
+    struct Release {
+        void operator()(FrameRing* ring) const;
     };
     ReplayConfig config_;
     ReplayState state_;
     FrameId frames_begin_;
-    std::unique_ptr<ReplayStorage, LetGo> storage_;
+    std::unique_ptr<FrameRing, Release> ring_;
 };
 
-/// Reads what save() wrote into an empty storage, and returns the rest. Nothing is allocated for what a file
-/// claims. Throws std::runtime_error, naming the file: missing, damaged, of another version or configuration.
-ReplayState load_replay(const std::filesystem::path& folder, const ReplayConfig& config,
-                        ReplayStorage& storage);
+/// Writes everything that is stored: the transitions, the counters, the unfinished windows and the
+/// priorities. Throws std::runtime_error, naming the file.
+void save_replay(ReplayBuffer& replay, const std::filesystem::path& folder);
+
+/// Makes the contents of the replay those that were saved, so that it resumes exactly there. What it held is
+/// in memory until the files proved good. Throws std::runtime_error, naming the file, and leaves the replay
+/// as it was: for files that are missing, damaged, truncated, of another version or of another configuration.
+/// Throws std::logic_error while a snapshot of the replay is read.
+void load_replay(ReplayBuffer& replay, const std::filesystem::path& folder);
 
 }  // namespace cale

@@ -5,8 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-
-#include "replay/lazy_array.h"
+#include <vector>
 
 namespace cale {
 
@@ -15,9 +14,9 @@ namespace cale {
 /// the values only, not on the order in which they were set.
 class SumTree {
   public:
-    /// Memory is taken as values are set. Throws std::invalid_argument unless capacity is positive.
+    /// Throws std::invalid_argument unless capacity is positive.
     explicit SumTree(std::int64_t capacity);
-    /// The most memory that a tree of this capacity takes.
+    /// The memory that a tree of this capacity takes.
     static std::int64_t bytes(std::int64_t capacity);
 
     /// Throws std::invalid_argument, naming the value, unless it is finite and not negative;
@@ -45,7 +44,7 @@ class SumTree {
     void restore_sum(std::int64_t node) { nodes_[node] = nodes_[2 * node] + nodes_[2 * node + 1]; }
 
     std::int64_t capacity_, leaves_;  // leaves_: the power of two that is at least capacity_
-    LazyArray<double> nodes_;  // [2 * leaves_] 1: the root; 2i and 2i + 1: the children of i; leaves last
+    std::vector<double> nodes_;  // [2 * leaves_] 1: the root; 2i and 2i + 1: the children of i; leaves last
 };
 
 }  // namespace cale

@@ -98,19 +98,21 @@ template <class WorldConfig>
 AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     AgentSpec spec;
     spec.num_envs = env.num_envs;
-    set_spaces(spec, action_space(env), observation_space(env));
+    spec.action_space = action_space(env);
+    spec.observation = observation_space(env);
     spec.total_steps = train.total_steps;
     spec.overlap = train.overlap;
     spec.seed = static_cast<std::uint64_t>(train.seed);
     return spec;
 }
 
-/// Returns all settings of a run. The table refers to `config`. AgentConfig::kActionSet is the default of an
-/// Atari game's env.action_space.
+/// Returns all settings of a run. The table refers to `config`. AgentConfig::kDiscrete says
+/// whether an Atari game has its minimal set of actions or the joystick, unless the user chooses.
 template <class AgentConfig, class WorldConfig>
 ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     ConfigTable table;
-    if constexpr (std::is_same_v<WorldConfig, EnvConfig>) config.env.action_space = AgentConfig::kActionSet;
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
+        config.env.action_space = AgentConfig::kDiscrete ? ActionSet::minimal : ActionSet::continuous;
     table.add("env", config.env);
     if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
         table.check("env.game", [](const std::string& game) { find_game(game); });

@@ -146,7 +146,7 @@ StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with
     restore_games(load_safetensors(folder / kGamesFile).tensors);
     agent.load_state(load_agent(folder));
     if (with_replay && agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
-        agent.replay()->load(folder);
+        load_replay(*agent.replay(), folder);
     return stored;
 }
 

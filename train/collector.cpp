@@ -50,7 +50,7 @@ StepResult unpacked(const float* row) {
     return {.reward = row[0],
             .truncated = row[2] != 0,
             .episode_over = row[1] != 0,
-            .event = static_cast<Event>(row[4]),
+            .event = static_cast<std::uint8_t>(row[4]),
             .frames = static_cast<int>(row[3])};
 }
 
@@ -130,7 +130,7 @@ void Collector::record(const torch::Tensor& actions, Agent& agent, RunState& sta
         if (results_[i].terminal || results_[i].truncated) stack_.clear(i);
         stack_.push(i, frame(i));
     }
-    if (processes_.alone()) {
+    if (processes_.single()) {
         count_step(results_, state.step, state, ended);
     } else {
         uncounted_.insert(uncounted_.end(), results_.begin(), results_.end());
@@ -138,7 +138,7 @@ void Collector::record(const torch::Tensor& actions, Agent& agent, RunState& sta
 }
 
 void Collector::synchronise(RunState& state, std::vector<Episode>& ended) {
-    if (processes_.alone()) return;
+    if (processes_.single()) return;
     const auto gathered = processes_.gather({{"results", packed(uncounted_)}});
     const auto steps = static_cast<std::int64_t>(uncounted_.size() / results_.size());
     uncounted_.clear();
@@ -159,7 +159,7 @@ void Collector::count_step(std::span<const StepResult> results, std::int64_t ste
                            std::vector<Episode>& ended) {
     for (const auto& result : results) {
         state.frame += result.frames;
-        ++state.joystick_events[static_cast<std::size_t>(result.event)];
+        ++state.joystick_events[result.event];
     }
     for (std::size_t i = 0; i < results.size(); ++i) {
         const auto& result = results[i];

@@ -11,6 +11,7 @@
 
 #include "agents/agent.h"
 #include "cale/frames.h"
+#include "parallel/process_group.h"
 #include "train/checkpoint.h"
 #include "train/log.h"
 #include "world/world.h"

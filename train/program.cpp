@@ -331,12 +331,12 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 
     AgentSpec spec = program.spec();
     spec.num_envs /= processes.size();
-    spec.processes = processes;
-    const auto actions = [&] {
+    spec.processes = &processes;
+    {
         const auto one = make_one(world);
-        set_spaces(spec, one->action_space(), one->observation_space());
-        return one->action_space();
-    }();
+        spec.action_space = one->action_space();
+        spec.observation = one->observation_space();
+    }
     spec.device = device;
     check_memory(program, world, spec);
 
@@ -349,9 +349,10 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     if (processes.first()) {
         Console(stderr).header(
             fmt::format("{} on {}", program.agent_name, world.id),
-            header_of(program, world, actions, run_dir,
-                      fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
-                                  processes.alone() ? "" : fmt::format(", {} processes", processes.size()))));
+            header_of(
+                program, world, actions, run_dir,
+                fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                            processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
     const RunIdentity identity{.program = program.name,

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "agents/agent.h"
+#include "agents/memory.h"
 #include "settings/config.h"
 #include "settings/run_config.h"
 #include "train/training.h"

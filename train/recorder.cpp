@@ -168,7 +168,7 @@ bool Recorder::evaluations_decide() const {
 
 /// Several processes agree on it when they synchronise.
 bool Recorder::agreed_to_stop(bool together) const {
-    if (options_.processes.alone()) return stop_requested();
+    if (options_.processes.single()) return stop_requested();
     return together && options_.processes.any(stop_requested());
 }
 
@@ -330,8 +330,7 @@ void Recorder::write_checkpoint() {
     RunSnapshot snapshot{
         .state = state_, .agent = agent_.state(), .games = collector_.state(), .config = options_.config};
     snapshot.policy = policy_snapshot();
-    if (settings_.train.save_replay && agent_.replay() != nullptr)
-        snapshot.replay.emplace(agent_.replay()->snapshot());
+    if (settings_.train.save_replay && agent_.replay() != nullptr) snapshot.replay.emplace(*agent_.replay());
     files_->checkpoints.start(std::move(snapshot));
     if (options_.checkpointed) options_.checkpointed();
 }
@@ -356,7 +355,7 @@ bool Recorder::run_evaluation() {
     const auto& eval = settings_.eval;
     if (eval.episodes == 0) return true;
     // The other processes wait for the end of this; they would not know that it was cut off.
-    const bool interruptible = options_.processes.alone();
+    const bool interruptible = options_.processes.single();
     Evaluation result;
     const std::string name = fmt::format("step_{:09}", state_.step);
     const bool films = eval.video && world_.can_film;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "agents/agent.h"
+#include "parallel/process_group.h"
 #include "settings/run_config.h"
 
 namespace cale {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <numbers>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -15,11 +17,18 @@ struct Discrete {
 
 /// Vectors of real numbers: coordinate i lies in [low[i], high[i]].
 struct Box {
-    std::vector<float> low, high;  // of one size
+    std::vector<float> low, high;         // of one size
+    std::vector<std::string> names = {};  // of the coordinates, for logs; empty: axis_0, axis_1, ...
     /// Returns the number of coordinates.
     std::int64_t size() const { return static_cast<std::int64_t>(low.size()); }
     bool operator==(const Box&) const = default;
 };
+
+/// Returns the box of CALE's joystick: (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1].
+inline Box joystick_space() {
+    constexpr auto kPi = std::numbers::pi_v<float>;
+    return {.low = {0, -kPi, 0}, .high = {1, kPi, 1}, .names = {"radius", "theta", "fire"}};
+}
 
 /// What a step takes: the number of an action, or a vector.
 using ActionSpace = std::variant<Discrete, Box>;

@@ -5,15 +5,13 @@
 
 namespace cale {
 
-enum class Event : std::uint8_t;  // cale/action.h
-
 /// What one agent step brought.
 struct StepResult {
     float reward = 0;           // of the step, neither clipped nor scaled
     bool terminal = false;      // no bootstrapping: game over, or a life lost where that counts
     bool truncated = false;     // cut off by a time limit, the game not being over
     bool episode_over = false;  // the environment must be reset: game over or truncated
-    Event event{};              // of an Atari game: what the joystick was asked to do
+    std::uint8_t event = 0;     // of an Atari game: the number of the joystick Event; 0 elsewhere
     int lives = 0;              // of an Atari game: left after the step
     int frames = 1;             // emulated frames, at least 1
 };

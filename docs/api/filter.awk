@@ -80,8 +80,12 @@ function with_the_usual_words(line, next_line, member) {
         return line " ///< Made as the module is; copies share it."
     if (line ~ /^    (explicit )?[A-Za-z]+Impl\([a-zA-Z]/)
         return "    /// The initial values are drawn from `generator`.\n" line
-    if (line ~ /^    static constexpr ActionSpace kActionSpace/)
-        return line " ///< What env.action_space is unless a user says otherwise."
+    if (line ~ /^    static constexpr bool kDiscrete/)
+        return line " ///< Whether it chooses among a set of actions; false: on the joystick."
+    if (line ~ /^    static constexpr const char\* kName/)
+        return line " ///< What error messages call the agent."
+    if (line ~ /^    static constexpr const char\* kSizeSettings/)
+        return line " ///< The settings that make its networks smaller."
     if (line ~ /^ +~[A-Za-z]+\(\);$/) return line " ///< Frees what it holds."
     if (line ~ /^ +([A-Za-z]+& operator=|[A-Za-z]+)\([A-Za-z]+&&( other)?\) noexcept;/)
         return line " ///< Leaves the other empty."

@@ -24,7 +24,7 @@ PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
         PpoNetworkConfig{.encoder = {.encoder = config.encoder, .observation = observation_shape(spec)},
                          .torso = Torso::two_branch,
                          .hidden_layers = 0},
-        spec.num_actions, make_generator(stream_seed(spec.seed, kInitialValues)));
+        num_actions(spec.action_space), make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
     return network;
 }
@@ -39,9 +39,8 @@ class A2c final : public Agent {
                 {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
           rollout_({.length = config.rollout_length,
                     .num_envs = spec.num_envs,
-                    .stack = spec.stack,
-                    .frame_height = spec.frame_height,
-                    .frame_width = spec.frame_width,
+                    .stack = spec.observation.stack,
+                    .frame_shape = spec.observation.shape,
                     .action_size = 0}),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}
@@ -67,8 +66,8 @@ class A2c final : public Agent {
     }
 
     // Called third, with what the environments answered.
-    void observe(const Experiences& seen) override {
-        rollout_.add(seen.actions, seen.results, seen.final_frames);
+    void observe(const StepBatch& batch) override {
+        rollout_.add(batch.actions, batch.results, batch.final_frames);
     }
 
     // What the log shows.
@@ -104,7 +103,7 @@ class A2c final : public Agent {
                                               value.detach().view_as(rollout_.reward),
                                               network_(on_device(next_observations)).value, config_.gamma, 1);
         }
-        const auto chosen = values_of(policy.log_pi, on_device(rollout_.action.flatten()));
+        const auto chosen = gather_actions(policy.log_pi, on_device(rollout_.action.flatten()));
         const auto policy_loss = -(chosen * estimate.advantage.flatten()).mean();
         const auto value_loss = (value - estimate.returns.flatten()).square().mean();
         const auto mean_entropy = entropy(policy).mean();

@@ -13,8 +13,8 @@ namespace cale {
 
 /// Every member is a key `agent.<name>` of train_a2c, because fields() visits it.
 struct A2cConfig {
-    // What env.action_space is unless a user says otherwise.
-    static constexpr ActionSet kActionSet = ActionSet::minimal;
+    // It chooses among a set of actions; the joystick is for agents that say false.
+    static constexpr bool kDiscrete = true;
 
     EncoderKind encoder = EncoderKind::phi_dqn;
     std::int64_t rollout_length = 5;

@@ -14,7 +14,8 @@ namespace {
 
 PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
     const auto generator = cale::initial_values(spec);
-    const cale::QHeadConfig head{.num_actions = spec.num_actions, .hidden_units = config.hidden_units};
+    const cale::QHeadConfig head{.num_actions = cale::num_actions(spec.action_space),
+                                 .hidden_units = config.hidden_units};
     PatchNetwork network(cale::observation_shape(spec), config.channels, head, generator);
     network->to(spec.device);
     return network;
@@ -30,7 +31,7 @@ struct PatchDqn {
 
     PatchDqn(const PatchDqnConfig& settings, const cale::AgentSpec& spec)
         : config(settings),
-          num_actions(spec.num_actions),
+          num_actions(cale::num_actions(spec.action_space)),
           network(make_network(settings, spec)),
           target(make_network(settings, spec)),  // equal to the network
           adam(network->parameters(), {.learning_rate = settings.learning_rate}) {}
@@ -47,7 +48,7 @@ struct PatchDqn {
             y = config.replay.reward_scale * batch.n_step_return +
                 batch.discount * target(batch.next_observation).amax(1);
         }
-        const auto loss = at::huber_loss(cale::values_of(network(batch.observation), batch.action), y);
+        const auto loss = at::huber_loss(cale::gather_actions(network(batch.observation), batch.action), y);
         adam.zero_grad();
         loss.backward();
         adam.step();
@@ -55,8 +56,6 @@ struct PatchDqn {
     }
 
     void copy_to_target() { cale::hard_update(target->parameters(), network->parameters()); }
-
-    std::optional<double> epsilon(double scheduled) const { return scheduled; }
 
     std::map<std::string, double> metrics(const Losses& losses) const {
         return {{"losses/td_loss", losses.loss.item<double>()}};
@@ -77,7 +76,6 @@ struct PatchDqn {
 }  // namespace
 
 std::unique_ptr<cale::Agent> make_patch_dqn(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
-    cale::require_discrete("patch_dqn", spec);
     return cale::off_policy<PatchDqn>(config, spec);
 }
 

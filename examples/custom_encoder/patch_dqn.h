@@ -13,8 +13,9 @@ namespace example {
 
 /// Every member is a key `agent.<name>`, because fields() visits it.
 struct PatchDqnConfig {
-    // What env.action_space is unless a user says otherwise.
-    static constexpr cale::ActionSet kActionSet = cale::ActionSet::minimal;
+    static constexpr const char* kName = "patch_dqn";
+    // It chooses among a set of actions; the joystick is for agents that say false.
+    static constexpr bool kDiscrete = true;
 
     std::int64_t channels = 64;
     std::int64_t hidden_units = 256;

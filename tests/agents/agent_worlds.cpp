@@ -19,12 +19,10 @@ namespace cale {
 
 namespace {
 
-AgentSpec small_world(std::int64_t num_actions, std::int64_t num_envs, std::uint64_t seed) {
+AgentSpec small_world(ActionSpace actions, std::int64_t num_envs, std::uint64_t seed) {
     return {.num_envs = num_envs,
-            .num_actions = num_actions,
-            .stack = kStack,
-            .frame_height = kSide,
-            .frame_width = kSide,
+            .action_space = std::move(actions),
+            .observation = {.stack = kStack, .shape = {kSide, kSide}},
             .total_steps = 1000,
             .seed = seed};
 }
@@ -36,11 +34,11 @@ NetworkSettings small_network() {
 }  // namespace
 
 AgentSpec joystick_world(std::int64_t num_envs, std::uint64_t seed) {
-    return small_world(0, num_envs, seed);
+    return small_world(joystick_space(), num_envs, seed);
 }
 
 AgentSpec discrete_world(std::int64_t num_envs, std::uint64_t seed) {
-    return small_world(kNumActions, num_envs, seed);
+    return small_world(Discrete{kNumActions}, num_envs, seed);
 }
 
 ReplaySettings small_replay() {
@@ -126,7 +124,7 @@ std::span<const std::uint8_t> bytes_of(const torch::Tensor& frames) {
 
 }  // namespace
 
-Experiences NoiseStep::experiences(const torch::Tensor& actions) const {
+StepBatch NoiseStep::experiences(const torch::Tensor& actions) const {
     return {bytes_of(frames), actions, results, bytes_of(final_frames)};
 }
 

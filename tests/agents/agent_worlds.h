@@ -53,7 +53,7 @@ struct NoiseStep {
     torch::Tensor frames;             // [N, rows, columns]: the newest of them
     torch::Tensor final_frames;       // [N, rows, columns]
     std::vector<StepResult> results;  // N
-    Experiences experiences(const torch::Tensor& actions) const;
+    StepBatch experiences(const torch::Tensor& actions) const;
 };
 
 /// One decision on the noise of this step, and what follows.

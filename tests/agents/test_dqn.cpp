@@ -154,7 +154,7 @@ TEST(Dqn, DuelingIsAnOptionOfItsNetwork) {
 
 TEST(Dqn, WithoutPaddingItsNetworkIsThatOfMnihAndOthers) {
     AgentSpec spec;
-    spec.num_actions = 18;
+    spec.action_space = Discrete{18};
     DqnConfig config;
     config.padding = Padding::valid;
     const auto state = make_dqn(config, spec)->state();

@@ -16,6 +16,7 @@
 
 #include "agent_worlds.h"
 #include "replay/replay_buffer.h"
+#include "replay/replay_snapshot.h"
 #include "support/temporary_folder.h"
 
 namespace cale {
@@ -30,6 +31,7 @@ struct Settings {
     std::int64_t hidden_units = 16;
     ReplaySettings replay = small_replay();
     EpsilonSettings epsilon{.epsilon_decay_period = 20};
+    std::int64_t actor_period = 1;
 };
 
 struct Kind {
@@ -63,6 +65,8 @@ Kind kind(const std::string& name, std::int64_t num_actions,
                 else
                     changed.hidden_units = settings.hidden_units;
                 if constexpr (requires { changed.replay; }) changed.replay = settings.replay;
+                if constexpr (requires { changed.actor_period; })
+                    changed.actor_period = settings.actor_period;
                 return make(changed, spec);
             }};
 }
@@ -125,7 +129,7 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
     const auto agent = make(spec);
     const auto expect_inside = [&](std::int64_t count, ActMode mode) {
         const auto actions = agent->act(noise_frames(count, 5), mode);
-        if (spec.num_actions == 0) {
+        if (num_actions(spec.action_space) == 0) {
             ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count, 3}));
             ASSERT_EQ(actions.scalar_type(), torch::kFloat32);
             const auto box = joystick_box();
@@ -133,7 +137,7 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
         } else {
             ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count}));
             ASSERT_EQ(actions.scalar_type(), torch::kInt64);
-            EXPECT_TRUE(((actions >= 0) & (actions < spec.num_actions)).all().item<bool>());
+            EXPECT_TRUE(((actions >= 0) & (actions < num_actions(spec.action_space))).all().item<bool>());
         }
         EXPECT_FALSE(actions.requires_grad());
     };
@@ -187,12 +191,12 @@ TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
         drive(*original, spec, 0, moment);
         original->act(noise_frames(2, 1), ActMode::evaluate);
         const auto state = original->state();
-        if (original->replay() != nullptr) original->replay()->save(folder.path());
+        if (original->replay() != nullptr) save_replay(*original->replay(), folder.path());
 
         const auto restored = make(world(2, 99), settings);
         drive(*restored, spec, 0, 3);
         restored->load_state(state);
-        if (restored->replay() != nullptr) restored->replay()->load(folder.path());
+        if (restored->replay() != nullptr) load_replay(*restored->replay(), folder.path());
         expect_equal(restored->state(), state);
         for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 30);
         EXPECT_FALSE(torch::equal(restored->state().at("adam/steps"), state.at("adam/steps")));
@@ -406,10 +410,65 @@ TEST_P(ReplayAgent, GoesOnWithTheGameUnderWayAfterARestore) {
     const auto original = make(spec), restored = make(spec);
     drive(*original, spec, 0, 10);
     const auto before = transitions_of(*original);
-    original->replay()->save(folder.path());
-    restored->replay()->load(folder.path());
+    save_replay(*original->replay(), folder.path());
+    load_replay(*restored->replay(), folder.path());
     drive(*restored, spec, 10, 1);
     EXPECT_EQ(transitions_of(*restored), before + 1);
+}
+
+// Agents with an actor of their own ---------------------------------------------------
+
+class ActorCritic : public EveryAgent {
+  protected:
+    static bool is_of_actor(const std::string& name) {
+        return name.starts_with("network/actor.") || name.starts_with("network/encoder.actor_") ||
+               name == "log_alpha";
+    }
+};
+
+INSTANTIATE_TEST_SUITE_P(Table, ActorCritic, testing::Values(sac(), sacd()), name_of);
+
+TEST_P(ActorCritic, StepsItsActorAtEveryThirdGradientStepAlone) {
+    Settings settings;
+    settings.actor_period = 3;
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 21);
+    for (std::int64_t step = 21; step < 33; ++step) {
+        const auto before = agent->state();
+        EXPECT_EQ(drive(*agent, spec, step, 1), 1);
+        const bool steps_actor = gradient_steps_of(*agent) % 3 == 0;
+        for (const auto& [name, tensor] : agent->state()) {
+            if (!name.starts_with("network/") && name != "log_alpha") continue;
+            EXPECT_EQ(torch::equal(tensor, before.at(name)), is_of_actor(name) && !steps_actor)
+                << name << " at gradient step " << gradient_steps_of(*agent);
+        }
+        EXPECT_EQ(agent->metrics().contains("losses/actor_loss"), gradient_steps_of(*agent) >= 3);
+    }
+    EXPECT_EQ(agent->state().at("adam/delayed_steps").item<float>(), 4);
+    EXPECT_EQ(agent->state().at("alpha_adam/steps").item<float>(), 4);
+}
+
+TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
+    Settings settings;
+    settings.actor_period = 3;
+    const auto spec = world();
+    for (const std::int64_t moment : {25, 26, 27}) {
+        const test::TemporaryFolder folder;
+        const auto original = make(spec, settings), restored = make(spec, settings);
+        drive(*original, spec, 0, moment);
+        save_replay(*original->replay(), folder.path());
+        restored->load_state(original->state());
+        load_replay(*restored->replay(), folder.path());
+        for (auto* agent : {original.get(), restored.get()}) drive(*agent, spec, moment, 8);
+        expect_equal(restored->state(), original->state());
+    }
+}
+
+TEST_P(ActorCritic, HasTheStateOfOldCheckpointsUnlessItsActorIsDelayed) {
+    const auto state = make(world())->state();
+    EXPECT_FALSE(state.contains("gradient_steps"));
+    EXPECT_FALSE(state.contains("adam/delayed_steps"));
 }
 
 // Agents that explore epsilon-greedily ------------------------------------------------
@@ -466,7 +525,7 @@ TEST_P(EpsilonGreedyAgent, ActsAtRandomWithProbabilityEpsilon) {
     const auto agent = make(spec, settings);
     drive(*agent, spec, 0, 10);
     const auto uniform = agent->act(same_frame(2000), ActMode::train);
-    if (spec.num_actions == 0)
+    if (num_actions(spec.action_space) == 0)
         expect_uniform_over_the_box(uniform);
     else
         for (const double part : frequencies(uniform)) EXPECT_NEAR(part, 0.25, 0.04);
@@ -474,7 +533,7 @@ TEST_P(EpsilonGreedyAgent, ActsAtRandomWithProbabilityEpsilon) {
     drive(*agent, spec, 10, 20);
     // An actor's own choices are random too, unless it is sure.
     auto state = agent->state();
-    if (spec.num_actions == 0)
+    if (num_actions(spec.action_space) == 0)
         make_constant(state, "network/actor.out", {0, 0, 0, -20, -20, -20});
     else
         make_constant(state, "network/actor.out", {50, 0, 0, 0});

@@ -24,13 +24,13 @@ constexpr std::int64_t kGigabyte = 1'000'000'000;
 
 AgentSpec world(std::int64_t num_actions) {
     AgentSpec spec;
-    spec.num_actions = num_actions;
+    if (num_actions > 0) spec.action_space = Discrete{num_actions};
     return spec;
 }
 
 template <class Config>
 std::string refusal(const Config& config, std::int64_t available) {
-    const auto spec = world(Config::kActionSet == ActionSet::continuous ? 0 : 18);
+    const auto spec = world(Config::kDiscrete ? 18 : 0);
     return test::error_of<std::runtime_error>([&] { check_memory(config, spec, available); });
 }
 

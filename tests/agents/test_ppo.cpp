@@ -93,7 +93,7 @@ PpoNetwork make_network(std::int64_t num_actions, std::uint64_t seed = 1) {
 struct Problem {
     PpoConfig config = small_ppo();
     PpoNetwork network = make_network(kNumActions);
-    PpoMinibatch minibatch;
+    RolloutBatch minibatch;
 
     Problem(const std::vector<double>& ratios, const std::vector<double>& advantages) {
         const auto parameters = parameters_of(*network);
@@ -108,7 +108,7 @@ struct Problem {
                      .returns = torch::ones({size}, kDouble)};
     }
 
-    PpoLosses losses() { return ppo_losses(network, minibatch, config); }
+    PpoLosses losses() { return ppo_losses(network, normalized(minibatch), config); }
     double critic() { return losses().critic.item<double>(); }
     /// Whether the actor's loss moves the policy.
     bool trains_the_policy() {
@@ -197,7 +197,7 @@ TEST(PpoLosses, ShapesThatWouldBroadcastAreRefused) {
 TEST(PpoUpdate, TheLearningRateFallsLinearlyToZeroAndStaysThere) {
     Problem p({1, 1}, {1, -1});
     p.config.learning_rate = 0.5;
-    PpoLearner learner(p.network, 4, p.config);
+    OnPolicyState learner(p.network, 4, p.config);
     for (const double part : {1.0, 0.75, 0.5, 0.25, 0.0, 0.0}) {
         const auto before = copy_of(parameters_of(*p.network));
         ppo_update(learner, p.minibatch, p.config);
@@ -206,7 +206,7 @@ TEST(PpoUpdate, TheLearningRateFallsLinearlyToZeroAndStaysThere) {
                   part == 0);
     }
     EXPECT_EQ(learner.gradient_steps, 6);
-    PpoLearner constant(p.network, 0, p.config);
+    OnPolicyState constant(p.network, 0, p.config);
     for (int step = 0; step < 3; ++step) ppo_update(constant, p.minibatch, p.config);
     EXPECT_DOUBLE_EQ(constant.adam.learning_rate(), 0.5);
 }
@@ -214,7 +214,7 @@ TEST(PpoUpdate, TheLearningRateFallsLinearlyToZeroAndStaysThere) {
 TEST(PpoUpdate, GradientsAreScaledDownToTheLargestNorm) {
     Problem p({1, 1}, {1, -1});
     p.minibatch.returns = torch::full({2}, 100.0, kDouble);
-    PpoLearner learner(p.network, 0, p.config);
+    OnPolicyState learner(p.network, 0, p.config);
     const auto losses = ppo_update(learner, p.minibatch, p.config);
     EXPECT_FALSE(losses.combined.requires_grad());
     double squares = 0;
@@ -280,7 +280,7 @@ TEST(Ppo, EpsilonFallsFromTheFirstDecisionOn) {
         EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 0.5);
         drive(*agent, spec, 5, 6);
         EXPECT_DOUBLE_EQ(agent->metrics().at("charts/epsilon"), 0);
-        if (spec.num_actions == 0) continue;
+        if (num_actions(spec.action_space) == 0) continue;
         auto state = agent->state();
         make_constant(state, "network/actor.out", {0, 0, 50, 0});
         agent->load_state(state);
@@ -384,8 +384,8 @@ struct Witness {
     }
 
     PpoNetwork with(const TensorMap& parameters) const {
-        PpoNetwork made(PpoNetworkConfig{.encoder = small_encoder(), .hidden_units = 16}, spec.num_actions,
-                        make_generator(1));
+        PpoNetwork made(PpoNetworkConfig{.encoder = small_encoder(), .hidden_units = 16},
+                        num_actions(spec.action_space), make_generator(1));
         for (const auto& [name, tensor] : parameters_of(*made)) tensor.copy_(parameters.at(name));
         return made;
     }
@@ -425,14 +425,18 @@ struct Witness {
             return network(observation);
         }();
         const auto old_log_prob = log_prob(old.policy, action, network->box).detach();
-        PpoLearner learner(with(parameters_of(*network)), 0, config);
+        OnPolicyState learner(with(parameters_of(*network)), 0, config);
         for (const auto& [first, end] : stretches) {
             const auto part = [from = first, to = end](const torch::Tensor& x) {
                 return x.slice(0, from, to);
             };
             ppo_update(learner,
-                       {part(observation), part(action), part(old_log_prob), part(old.value),
-                        part(advantage.flatten()), part(advantage.flatten() + old.value)},
+                       {.observation = part(observation),
+                        .action = part(action),
+                        .old_log_prob = part(old_log_prob),
+                        .old_value = part(old.value),
+                        .advantage = part(advantage.flatten()),
+                        .returns = part(advantage.flatten() + old.value)},
                        config);
         }
         return parameters_of(*learner.network);

@@ -65,13 +65,13 @@ struct Case : golden::NetworkCase {
         return near_centre.to(dtype);
     }
 
-    PpoMinibatch minibatch() const {
-        return {golden::observations(file, "obs", batch_size),
-                num_actions == 0 ? joystick_actions() : actions(),
-                input("old_log_prob"),
-                input("old_value"),
-                input("advantage"),
-                input("returns")};
+    RolloutBatch minibatch() const {
+        return {.observation = golden::observations(file, "obs", batch_size),
+                .action = num_actions == 0 ? joystick_actions() : actions(),
+                .old_log_prob = input("old_log_prob"),
+                .old_value = input("old_value"),
+                .advantage = input("advantage"),
+                .returns = input("returns")};
     }
 };
 
@@ -101,11 +101,11 @@ TEST_P(PpoGolden, Forward) {
 }
 
 TEST_P(PpoGolden, ThreeUpdates) {
-    PpoLearner learner(c.network(), static_cast<std::int64_t>(c.hyper("anneal_steps")), c.config);
+    OnPolicyState learner(c.network(), static_cast<std::int64_t>(c.hyper("anneal_steps")), c.config);
     const auto minibatch = c.minibatch();
     const auto initial = golden::parameters(*learner.network);
     // The gradients of the file are from before they are clipped.
-    ppo_losses(learner.network, minibatch, c.config).combined.backward();
+    ppo_losses(learner.network, normalized(minibatch), c.config).combined.backward();
     c.expect_gradients(*learner.network);
     const auto steps = c.file["steps"];
     for (std::size_t step = 0; step < steps.size(); ++step) {
@@ -121,7 +121,7 @@ TEST_P(PpoGolden, ThreeUpdates) {
 
 TEST_P(PpoGolden, GradientsAreScaledDownToTheLargestNorm) {
     auto network = c.network();
-    ppo_losses(network, c.minibatch(), c.config).combined.backward();
+    ppo_losses(network, normalized(c.minibatch()), c.config).combined.backward();
     const auto norm = clip_gradient_norm(network->parameters(), c.config.max_gradient_norm);
     c.expect(norm, c.file["steps"][0], "grad_global_norm", c.tolerance.grad_l2);
     double squares = 0;

@@ -43,7 +43,7 @@ void in_a_group_of(int size, const std::function<void(const ProcessGroup&)>& wor
 
 TEST(ProcessGroup, AloneItChangesNothing) {
     const ProcessGroup alone;
-    EXPECT_TRUE(alone.alone());
+    EXPECT_TRUE(alone.single());
     EXPECT_TRUE(alone.first());
     auto numbers = torch::arange(3.0);
     alone.sum({numbers});
@@ -238,7 +238,7 @@ class PpoInProcesses : public testing::TestWithParam<World> {
     AgentSpec share(const ProcessGroup& processes) const {
         auto spec = GetParam().spec;
         spec.num_envs /= processes.size();
-        spec.processes = processes;
+        spec.processes = &processes;
         return spec;
     }
 
@@ -297,7 +297,7 @@ INSTANTIATE_TEST_SUITE_P(Worlds, PpoInProcesses, testing::ValuesIn(worlds()),
 TEST(PpoProcesses, TheDopamineRuleIsForOne) {
     in_a_group_of(2, [](const ProcessGroup& processes) {
         auto spec = joystick_world(1);
-        spec.processes = processes;
+        spec.processes = &processes;
         auto config = small_ppo();
         config.replay_terminal = ReplayTerminal::dopamine;
         EXPECT_FALSE(processes.any(false));  // all are there

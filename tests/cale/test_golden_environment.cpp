@@ -52,9 +52,8 @@ cale::ContinuousAction continuous_action(std::uint64_t seed, std::uint64_t t) {
 }
 
 ActionSet action_space(const std::string& name) {
-    static const std::map<std::string, ActionSet> kSpaces{{"continuous", ActionSet::continuous},
-                                                            {"minimal", ActionSet::minimal},
-                                                            {"full", ActionSet::full}};
+    static const std::map<std::string, ActionSet> kSpaces{
+        {"continuous", ActionSet::continuous}, {"minimal", ActionSet::minimal}, {"full", ActionSet::full}};
     return kSpaces.at(name);
 }
 
@@ -104,7 +103,7 @@ void replay(const YAML::Node& run) {
         const auto result = step(env, seed, static_cast<std::uint64_t>(t), frame);
         const std::int64_t crc = crc_of(frame);
         const auto reward = static_cast<std::int64_t>(result.reward);
-        if (first.size() < first_count) first.push_back({t, static_cast<int>(result.event), reward, crc});
+        if (first.size() < first_count) first.push_back({t, result.event, reward, crc});
         block.add(frame);
         total_reward += reward;
 
@@ -210,8 +209,8 @@ std::vector<Trace> play(const Case& run, std::size_t blocks) {
         if (std::ranges::find(resets, std::to_string(t)) != resets.end()) reset();
         const auto seen = step(env, seed, t, frame);
         trace.add(env, frame,
-                  {static_cast<int>(seen.event), static_cast<std::int64_t>(seen.reward), seen.terminal,
-                   seen.episode_over, seen.frames, env.lives(), env.frame_number()});
+                  {seen.event, static_cast<std::int64_t>(seen.reward), seen.terminal, seen.episode_over,
+                   seen.frames, env.lives(), env.frame_number()});
         if (seen.episode_over || (seen.terminal && run.at("reset_on") == "terminal")) reset();
         if ((t + 1) % (steps / blocks) == 0) result.push_back(trace);
     }

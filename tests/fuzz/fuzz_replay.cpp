@@ -16,8 +16,7 @@ cale::ReplayConfig config() {
     return {.capacity = 64,
             .num_envs = 2,
             .stack = 2,
-            .frame_height = 1,
-            .frame_width = 4,
+            .frame_shape = {1, 4},
             .action_size = 0,
             .prioritised = true};
 }
@@ -33,7 +32,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     for (int step = 0; step < 3; ++step) good.add(step % 2, {.frame = frame, .reward = 1});
     const std::filesystem::path saved = folder / "replay";
     std::filesystem::create_directories(saved);
-    good.save(saved);
+    save_replay(good, saved);
 
     const auto [name, magic] = kFiles[which % kFiles.size()];
     if (which >= 128) {
@@ -44,7 +43,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
         file.commit();
     }
     cale::ReplayBuffer loaded(config());
-    if (!fuzz::accepts([&] { loaded.load(saved); })) return 0;
+    if (!fuzz::accepts([&] { load_replay(loaded, saved); })) return 0;
     // What was accepted can be used.
     for (int step = 0; step < 100; ++step) loaded.add(step % 2, {.frame = frame, .reward = 1});
     std::mt19937_64 random(1);

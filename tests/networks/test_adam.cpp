@@ -74,6 +74,33 @@ TEST(Adam, AStoredStateContinuesTheSameWay) {
     EXPECT_TRUE(torch::equal(first.detach(), second.detach()));
 }
 
+TEST(Adam, DelayedParametersStepAsIfAlone) {
+    const auto zeros = [] { return torch::zeros({2}).requires_grad_(); };
+    auto every = zeros(), every_expected = zeros(), second = zeros(), second_expected = zeros();
+    Adam adam({every, second}, {.learning_rate = 0.1}), of_every({every_expected}, {.learning_rate = 0.1}),
+        of_second({second_expected}, {.learning_rate = 0.1});
+    EXPECT_FALSE(adam.state().contains("delayed_steps"));
+    adam.delay({second});
+    for (int step = 1; step <= 6; ++step) {
+        const auto gradient = torch::tensor({0.3f * static_cast<float>(step), -0.02f});
+        adam.zero_grad();
+        set_gradient(every, gradient);
+        set_gradient(every_expected, gradient);
+        of_every.step();
+        const bool with_delayed = step % 2 == 0;
+        if (with_delayed) {
+            set_gradient(second, gradient);
+            set_gradient(second_expected, gradient);
+            of_second.step();
+        }
+        adam.step(with_delayed);
+        EXPECT_TRUE(torch::equal(every.detach(), every_expected.detach())) << step;
+        EXPECT_TRUE(torch::equal(second.detach(), second_expected.detach())) << step;
+    }
+    EXPECT_EQ(adam.state().at("steps").item<float>(), 6);
+    EXPECT_EQ(adam.state().at("delayed_steps").item<float>(), 3);
+}
+
 TEST(Targets, SoftUpdateMovesByTau) {
     const std::vector<torch::Tensor> target{torch::zeros({2}), torch::full({1}, 10.0f)};
     const std::vector<torch::Tensor> online{torch::ones({2}), torch::full({1}, 20.0f)};

@@ -189,8 +189,8 @@ TEST(GaussianActor, EveryPartOfASummedDeviationIsTrainedAlike) {
 
 TEST(ValuesOf, TakesOneValuePerRow) {
     const auto values = torch::tensor({{1.0f, 2.0f, 3.0f}, {4.0f, 5.0f, 6.0f}});
-    EXPECT_TRUE(
-        torch::equal(values_of(values, torch::tensor({2, 0}, torch::kInt64)), torch::tensor({3.0f, 4.0f})));
+    EXPECT_TRUE(torch::equal(gather_actions(values, torch::tensor({2, 0}, torch::kInt64)),
+                             torch::tensor({3.0f, 4.0f})));
 }
 
 }  // namespace

@@ -134,7 +134,7 @@ TEST_P(RawFramesEmulator, GiveTheReturnsOfAnEvaluation) {
             if (result.terminal || result.truncated) stack.clear(0);
             stack.push(0, frame);
             rewards.push_back(result.reward);
-            events.push_back(result.event);
+            events.push_back(static_cast<Event>(result.event));
         }
     }
     // With LibTorch on colour, and through the C interface on gray.

@@ -49,8 +49,7 @@ inline ReplayConfig numbered_config() {
     ReplayConfig config;
     config.capacity = 100;
     config.stack = 3;
-    config.frame_height = 1;
-    config.frame_width = 4;
+    config.frame_shape = {1, 4};
     config.action_size = 0;
     config.gamma = 0.5;
     return config;

@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "numbered_frames.h"
+#include "replay/replay_snapshot.h"
 #include "support/temporary_folder.h"
 
 namespace cale {
@@ -54,13 +55,13 @@ TEST(FrameMirror, FuzzedReplaysAreSampledAlike) {
 TEST(FrameMirror, FollowsALoadedReplay) {
     const test::TemporaryFolder folder;
     auto other = filled(20, 55);
-    other.save(folder.path());
+    save_replay(other, folder.path());
     ReplayConfig config = numbered_config();
     config.capacity = 20;
     ReplayBuffer mirrored(config, torch::kCPU);
     for (std::uint32_t frame = 1000; frame < 1060; ++frame) add(mirrored, {.frame = frame});
     gather_all(mirrored);
-    mirrored.load(folder.path());
+    load_replay(mirrored, folder.path());
     expect_same(gather_all(mirrored), gather_all(other));
     add(mirrored, {.frame = 56});
     add(other, {.frame = 56});

@@ -12,6 +12,7 @@
 
 #include "numbered_frames.h"
 #include "replay/available_memory.h"
+#include "replay/replay_memory.h"
 
 namespace cale {
 namespace {

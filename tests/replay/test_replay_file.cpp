@@ -15,6 +15,7 @@
 
 #include "numbered_frames.h"
 #include "replay/replay_file.h"
+#include "replay/replay_snapshot.h"
 
 namespace cale {
 namespace {
@@ -49,7 +50,7 @@ class ReplayFile : public testing::Test {
         return folder;
     }
     Files saved(ReplayBuffer& replay) const {
-        replay.save(emptied(path("scratch")));
+        save_replay(replay, emptied(path("scratch")));
         return files(path("scratch"));
     }
 
@@ -84,8 +85,8 @@ void expect_goes_on_alike(const ReplayConfig& config, int steps, const fs::path&
     play(loaded, 0, 9);  // is to be forgotten
     if (config.prioritised) give(replay, {0, 3, 7, 11}, {0.25, 4, 0, 1.0 / 3});
     if (config.prioritised) give(loaded, {0, 1, 2, 3}, {100, 100, 100, 100});
-    replay.save(folder);
-    loaded.load(folder);
+    save_replay(replay, folder);
+    load_replay(loaded, folder);
 
     EXPECT_EQ(loaded.size(), replay.size());
     EXPECT_EQ(loaded.add_count(), replay.add_count());
@@ -128,8 +129,8 @@ TEST_F(ReplayFile, KeepsContinuousActions) {
         const std::array<float, 2> action{static_cast<float>(t), 0.5f};
         replay.add(0, {.frame = frame, .action = action});
     }
-    replay.save(folder_);
-    loaded.load(folder_);
+    save_replay(replay, folder_);
+    load_replay(loaded, folder_);
     const std::vector<std::int64_t> positions{0, 1, 2, 3};
     EXPECT_TRUE(loaded.gather(positions).action.equal(replay.gather(positions).action));
 }
@@ -182,7 +183,7 @@ TEST_F(ReplayFile, RefusesPrioritiesThatCannotBe) {
         made.write(folder_);
         ReplayBuffer replay(config);
         try {
-            replay.load(folder_);
+            load_replay(replay, folder_);
         } catch (const std::runtime_error& error) {
             return std::string(error.what());
         }
@@ -207,7 +208,7 @@ class DamagedReplayFile : public ReplayFile {
         ReplayFile::SetUp();
         ReplayBuffer replay(small_config());
         play(replay, 0, 60);
-        replay.save(emptied(path("good")));
+        save_replay(replay, emptied(path("good")));
         good_ = files(path("good"));
         keep();
         before_ = read_all(kept_);
@@ -221,7 +222,7 @@ class DamagedReplayFile : public ReplayFile {
     // The sentence with which what is in the folder is refused; the buffer must not have changed.
     std::string refusal() {
         try {
-            kept_.load(path("good"));
+            load_replay(kept_, path("good"));
         } catch (const std::runtime_error& error) {
             EXPECT_EQ(read_all(kept_), before_);
             EXPECT_THAT(error.what(), HasSubstr(path("good")));
@@ -290,10 +291,10 @@ TEST_F(DamagedReplayFile, IsRefusedWhenItIsSomethingElse) {
     std::string newer = good_.at("replay.zst");
     newer[8] = 77;
     EXPECT_THAT(refusal("replay.zst", newer), AllOf(HasSubstr("version 77"), HasSubstr("version 3")));
-    EXPECT_THAT([&] { kept_.load(path("absent")); },
+    EXPECT_THAT([&] { load_replay(kept_, path("absent")); },
                 ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("absent"), HasSubstr("No such file"))));
     fs::create_directories(path("folders") / "replay.zst");
-    EXPECT_THROW(kept_.load(path("folders")), std::runtime_error);
+    EXPECT_THROW(load_replay(kept_, path("folders")), std::runtime_error);
 }
 
 TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
@@ -302,15 +303,15 @@ TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
         ReplayConfig config = small_config();
         change(config);
         ReplayBuffer other(config);
-        EXPECT_THAT([&] { other.load(path("good")); },
+        EXPECT_THAT([&] { load_replay(other, path("good")); },
                     ThrowsMessage<std::runtime_error>(AllOf(
                         HasSubstr(path("good")), HasSubstr(key + " = " + there), HasSubstr("has " + here))));
     };
     refused([](auto& c) { c.capacity = 13; }, "agent.replay_capacity", "12", "13");
     refused([](auto& c) { c.num_envs = 1; }, "env.num_envs", "2", "1");
     refused([](auto& c) { c.stack = 4; }, "stack", "3", "4");
-    refused([](auto& c) { c.frame_height = 2; }, "frame_height", "1", "2");
-    refused([](auto& c) { c.frame_width = 5; }, "frame_width", "4", "5");
+    refused([](auto& c) { c.frame_shape[0] = 2; }, "frame_height", "1", "2");
+    refused([](auto& c) { c.frame_shape[1] = 5; }, "frame_width", "4", "5");
     refused([](auto& c) { c.action_size = 3; }, "action_size", "0", "3");
     refused([](auto& c) { c.update_horizon = 1; }, "agent.update_horizon", "3", "1");
     refused([](auto& c) { c.gamma = 0.25; }, "agent.gamma", "0.5", "0.25");
@@ -347,7 +348,7 @@ TEST_F(DamagedReplayFile, IsRefusedWhenItsContentIsAbsurd) {
 }
 
 TEST_F(DamagedReplayFile, StaysTheOldOneWhenSavingFails) {
-    EXPECT_THAT([&] { kept_.save(path("no/such/folder")); },
+    EXPECT_THAT([&] { save_replay(kept_, path("no/such/folder")); },
                 ThrowsMessage<std::runtime_error>(HasSubstr(path("no/such/folder"))));
     {
         ReplayFileWriter interrupted(path("good") / "replay.zst", "CALE-RPL", 3);
@@ -357,7 +358,7 @@ TEST_F(DamagedReplayFile, StaysTheOldOneWhenSavingFails) {
     if (fs::exists("/dev/full")) {
         emptied(path("full"));
         fs::create_symlink("/dev/full", path("full/replay.zst.tmp"));
-        EXPECT_THAT([&] { kept_.save(path("full")); },
+        EXPECT_THAT([&] { save_replay(kept_, path("full")); },
                     ThrowsMessage<std::runtime_error>(HasSubstr("No space")));
         EXPECT_FALSE(fs::exists(path("full/replay.zst")));
     }

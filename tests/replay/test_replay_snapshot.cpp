@@ -46,12 +46,12 @@ TEST(ReplaySnapshot, IsOfTheMomentItWasTakenAt) {
         const auto before = read_all(replay);
         const auto before_probabilities = probabilities(replay);
 
-        auto snapshot = replay.snapshot();
+        ReplaySnapshot snapshot(replay);
         std::jthread training([&] { play(replay, 100, 400); });
         snapshot.save(made(folder.path() / "saved"));
         training.join();
 
-        loaded.load(folder.path() / "saved");
+        load_replay(loaded, folder.path() / "saved");
         EXPECT_EQ(read_all(loaded), before);
         EXPECT_EQ(probabilities(loaded), before_probabilities);
         play(loaded, 100, 400);
@@ -63,15 +63,15 @@ TEST(ReplaySnapshot, LetsGoOfTheReplayWhenItIsDropped) {
     ReplayBuffer replay(config_of(20));
     play(replay, 0, 50);
     {
-        const auto snapshot = replay.snapshot();
-        EXPECT_THROW(replay.snapshot(), std::logic_error);
-        EXPECT_THROW(replay.load("anywhere"), std::logic_error);
+        const ReplaySnapshot snapshot(replay);
+        EXPECT_THROW(ReplaySnapshot{replay}, std::logic_error);
+        EXPECT_THROW(load_replay(replay, "anywhere"), std::logic_error);
     }
     play(replay, 50, 60);
     const test::TemporaryFolder folder;
-    EXPECT_THROW(replay.save(folder.path() / "absent"), std::runtime_error);
+    EXPECT_THROW(save_replay(replay, folder.path() / "absent"), std::runtime_error);
     play(replay, 60, 100);
-    EXPECT_NO_THROW(replay.save(folder.path()));
+    EXPECT_NO_THROW(save_replay(replay, folder.path()));
 }
 
 TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {
@@ -80,7 +80,7 @@ TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {
     ReplayBuffer replay(config), loaded(config);
     play(replay, 0, 70);
     const auto first = made(folder.path() / "first");
-    replay.save(first);
+    save_replay(replay, first);
 
     // After a few steps, and after so many that the oldest chunk has lost some of its frames.
     std::uint32_t steps = 70;
@@ -89,7 +89,7 @@ TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {
         steps += more;
         const auto second = made(folder.path() / ("after " + std::to_string(more)));
         std::vector<std::string> taken, refused;
-        replay.snapshot().save(second, [&](const std::string& file) {
+        ReplaySnapshot(replay).save(second, [&](const std::string& file) {
             if (!fs::exists(first / file)) {
                 refused.push_back(file);
                 return false;
@@ -101,7 +101,7 @@ TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {
         EXPECT_GE(taken.size(), 10u);
         EXPECT_LE(refused.size(), 2 + (steps - 70) / 2) << "chunks of four frames, and of four transitions";
         EXPECT_THAT(taken, Not(Contains("replay.zst")));
-        loaded.load(second);
+        load_replay(loaded, second);
         EXPECT_EQ(read_all(loaded), read_all(replay));
     }
 }

@@ -35,7 +35,7 @@ using testing::ThrowsMessage;
 class Rememberer : public Agent {
   public:
     torch::Tensor act(const torch::Tensor&, ActMode) override { return {}; }
-    void observe(const Experiences&) override {}
+    void observe(const StepBatch&) override {}
     bool update(const torch::Tensor&) override { return false; }
     std::map<std::string, double> metrics() override { return {}; }
     TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
@@ -55,7 +55,7 @@ class Rememberer : public Agent {
     std::int64_t steps = 0;
 
   private:
-    ReplayBuffer replay_{{.capacity = 64, .frame_height = 2, .frame_width = 2, .action_size = 0}};
+    ReplayBuffer replay_{{.capacity = 64, .frame_shape = {2, 2}, .action_size = 0}};
 };
 
 class Checkpoints : public testing::Test {
@@ -65,7 +65,7 @@ class Checkpoints : public testing::Test {
                              .agent = agent.state(),
                              .games = {{"frames", torch::arange(10)}},
                              .config = "env: {game: pong}\n"};
-        snapshot.replay.emplace(agent.replay()->snapshot());
+        snapshot.replay.emplace(*agent.replay());
         return snapshot;
     }
     /// Steps on to `step`, and writes a checkpoint there.

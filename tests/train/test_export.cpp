@@ -137,7 +137,8 @@ class ExportEmulator : public testing::TestWithParam<Case> {
         const std::uint32_t seed = 0;
         const auto one = world.make({&seed, 1});
         AgentSpec spec;
-        set_spaces(spec, one->action_space(), one->observation_space());
+        spec.action_space = one->action_space();
+        spec.observation = one->observation_space();
         agent = make(spec);
         RunSnapshot snapshot;
         snapshot.state.step = 1'234;

@@ -56,12 +56,12 @@ class ScribeAgent : public Agent {
         }
         return actions;
     }
-    void observe(const Experiences& experiences) override {
+    void observe(const StepBatch& experiences) override {
         calls += 'o';
         steps += num_envs_;
         for (const auto& result : experiences.results) {
             rewards += result.reward;
-            ++events[static_cast<std::size_t>(result.event)];
+            ++events[result.event];
         }
         if (steps == interrupt_at) raise(SIGINT);
     }

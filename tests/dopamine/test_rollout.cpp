@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <torch/types.h>
 
-#include "replay/rollout.h"
+#include "dopamine/rollout.h"
 
 namespace cale {
 namespace {
@@ -13,13 +13,8 @@ namespace {
 constexpr std::int64_t kStack = 4;
 
 /// One episode of seven steps on frames of one pixel, 1 to 7, with rewards 10 to 70.
-Rollout seven_steps(std::int64_t length) {
-    Rollout rollout({.length = length,
-                     .stack = kStack,
-                     .frame_height = 1,
-                     .frame_width = 1,
-                     .action_size = 0,
-                     .replay_terminal = ReplayTerminal::dopamine});
+DopamineRollout seven_steps(std::int64_t length) {
+    DopamineRollout rollout({.length = length, .stack = kStack, .frame_shape = {1, 1}, .action_size = 0});
     for (int step = 1; step <= 7; ++step) {
         rollout.set_observations(torch::full({1, kStack, 1, 1}, step, torch::kUInt8));
         StepResult result;
@@ -43,7 +38,7 @@ std::vector<std::vector<int>> states(const Rollout& rollout) {
 
 using States = std::vector<std::vector<int>>;
 
-TEST(RolloutByDopaminesRule, LosesTheLastRewardAndRepeatsTheStepBefore) {
+TEST(DopamineRollout, LosesTheLastRewardAndRepeatsTheStepBefore) {
     const auto rollout = seven_steps(9);
     ASSERT_TRUE(rollout.full());
     EXPECT_EQ(states(rollout), (States{{0, 0, 0, 1},
@@ -66,7 +61,7 @@ TEST(RolloutByDopaminesRule, LosesTheLastRewardAndRepeatsTheStepBefore) {
     EXPECT_TRUE(torch::equal(next, torch::tensor({0, 0, 6, 7}, torch::kUInt8)));
 }
 
-TEST(RolloutByDopaminesRule, WhatDoesNotFitComesToLieInFront) {
+TEST(DopamineRollout, WhatDoesNotFitComesToLieInFront) {
     EXPECT_EQ(states(seven_steps(8)), (States{{0, 0, 0, 6},
                                               {0, 0, 1, 2},
                                               {0, 1, 2, 3},
@@ -84,12 +79,11 @@ TEST(RolloutByDopaminesRule, WhatDoesNotFitComesToLieInFront) {
                                               {0, 4, 5, 6}}));
 }
 
-TEST(RolloutByDopaminesRule, IsForOneEnvironment) {
-    EXPECT_THROW(Rollout({.num_envs = 2, .replay_terminal = ReplayTerminal::dopamine}),
-                 std::invalid_argument);
+TEST(DopamineRollout, IsForOneEnvironment) {
+    EXPECT_THROW(DopamineRollout({.num_envs = 2}), std::invalid_argument);
 }
 
-TEST(RolloutByDopaminesRule, ClearForgetsTheEpisodeUnderWay) {
+TEST(DopamineRollout, ClearForgetsTheEpisodeUnderWay) {
     auto rollout = seven_steps(20);
     EXPECT_EQ(rollout.steps, 9);
     rollout.clear();

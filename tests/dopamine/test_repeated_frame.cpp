@@ -1,5 +1,5 @@
 // The frame that the reference's PPO sees twice.
-#include "agents/repeated_frame.h"
+#include "dopamine/repeated_frame.h"
 
 #include <array>
 #include <vector>

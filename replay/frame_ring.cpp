@@ -1,4 +1,4 @@
-#include "replay/replay_storage.h"
+#include "replay/frame_ring.h"
 
 #include <cstring>
 
@@ -11,17 +11,17 @@ std::int64_t frame_capacity(const ReplayConfig& config) {
 std::int64_t bytes_per_frame(const ReplayConfig& config) {
     const auto action = config.action_size > 0 ? config.action_size * std::int64_t{sizeof(float)}
                                                : std::int64_t{sizeof(std::int64_t)};
-    return config.frame_height * config.frame_width + action + std::int64_t{sizeof(std::int64_t)};
+    return config.frame_size() + action + std::int64_t{sizeof(std::int64_t)};
 }
 
 std::int64_t bytes_per_transition(const ReplayConfig& config) {
     return 2 * config.stack * std::int64_t{sizeof(FrameId)} + 2 * std::int64_t{sizeof(float)};
 }
 
-ReplayStorage::ReplayStorage(const ReplayConfig& config)
+FrameRing::FrameRing(const ReplayConfig& config)
     : stack(config.stack),
       action_size(config.action_size),
-      frame_size(config.frame_height * config.frame_width),
+      frame_size(config.frame_size()),
       frames_capacity(frame_capacity(config)),
       capacity(config.capacity),
       frames(frames_capacity * frame_size),
@@ -32,15 +32,15 @@ ReplayStorage::ReplayStorage(const ReplayConfig& config)
       n_step_returns(capacity),
       discounts(capacity) {}
 
-std::span<FrameId> ReplayStorage::frames_of(std::int64_t transition) {
+std::span<FrameId> FrameRing::frames_of(std::int64_t transition) {
     return {references.data() + transition % capacity * 2 * stack, static_cast<std::size_t>(2 * stack)};
 }
 
-std::span<const FrameId> ReplayStorage::frames_of(std::int64_t transition) const {
+std::span<const FrameId> FrameRing::frames_of(std::int64_t transition) const {
     return {references.data() + transition % capacity * 2 * stack, static_cast<std::size_t>(2 * stack)};
 }
 
-FrameId ReplayStorage::push_frame(std::span<const std::uint8_t> pixels) {
+FrameId FrameRing::push_frame(std::span<const std::uint8_t> pixels) {
     held_frames.wait_for(frames_end - frames_capacity);
     const std::int64_t slot = frames_end % frames_capacity;
     transitions_begin = std::max(transitions_begin, users_end[slot]);
@@ -48,7 +48,7 @@ FrameId ReplayStorage::push_frame(std::span<const std::uint8_t> pixels) {
     return frames_end++;
 }
 
-void ReplayStorage::push_action(FrameId frame, const Experience& experience) {
+void FrameRing::push_action(FrameId frame, const Experience& experience) {
     const std::int64_t slot = frame % frames_capacity;
     if (action_size == 0)
         discrete_actions[slot] = experience.discrete_action;
@@ -56,7 +56,7 @@ void ReplayStorage::push_action(FrameId frame, const Experience& experience) {
         std::ranges::copy(experience.action, actions.data() + slot * action_size);
 }
 
-void ReplayStorage::push_transition(const Transition& transition) {
+void FrameRing::push_transition(const Transition& transition) {
     const auto overwritten = [this](FrameId frame) { return frame != kBlankFrame && frame < frames_begin(); };
     if (std::ranges::any_of(transition.observation, overwritten) ||
         std::ranges::any_of(transition.next_observation, overwritten))
@@ -71,12 +71,12 @@ void ReplayStorage::push_transition(const Transition& transition) {
     mark_users(transitions_end++);
 }
 
-void ReplayStorage::mark_users(std::int64_t transition) {
+void FrameRing::mark_users(std::int64_t transition) {
     for (const FrameId frame : frames_of(transition))
         if (frame != kBlankFrame) users_end[frame % frames_capacity] = transition + 1;
 }
 
-bool ReplayStorage::restore_users() {
+bool FrameRing::restore_users() {
     const auto present = [this](FrameId frame) {
         return frame == kBlankFrame || (frame >= frames_begin() && frame < frames_end);
     };
@@ -89,7 +89,7 @@ bool ReplayStorage::restore_users() {
     return true;
 }
 
-void ReplayStorage::copy(std::int64_t transition, Batch& batch, std::int64_t row) const {
+void FrameRing::copy(std::int64_t transition, Batch& batch, std::int64_t row) const {
     const auto shown = frames_of(transition);
     const auto depth = static_cast<std::size_t>(stack);
     const std::int64_t pixels = row * stack * frame_size;
@@ -98,7 +98,7 @@ void ReplayStorage::copy(std::int64_t transition, Batch& batch, std::int64_t row
     copy_values(transition, batch, row);
 }
 
-void ReplayStorage::copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const {
+void FrameRing::copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const {
     const std::int64_t slot = transition % capacity;
     const std::int64_t step = frames_of(transition)[static_cast<std::size_t>(stack) - 1] % frames_capacity;
     if (action_size == 0)
@@ -111,7 +111,7 @@ void ReplayStorage::copy_values(std::int64_t transition, Batch& batch, std::int6
     batch.index.data_ptr<std::int64_t>()[row] = slot;
 }
 
-void ReplayStorage::copy_stack(std::span<const FrameId> shown, std::uint8_t* pixels) const {
+void FrameRing::copy_stack(std::span<const FrameId> shown, std::uint8_t* pixels) const {
     const auto bytes = static_cast<std::size_t>(frame_size);
     for (const FrameId frame : shown) {
         if (frame == kBlankFrame)

@@ -1,17 +1,60 @@
 // Where the replay keeps frames and transitions: two rings, each frame once.
 #pragma once
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <system_error>
+#include <type_traits>
+#include <utility>
 
 #include "replay/accumulator.h"
-#include "replay/lazy_array.h"
-#include "replay/replay_buffer.h"
+#include "replay/types.h"
 
 namespace cale {
+
+/// A fixed-size array, all zero at first, whose pages the operating system commits when they are first
+/// written, so that a ring of 7 GB costs nothing before it fills. Throws std::system_error when the address
+/// space is refused.
+template <class T>
+class LazyArray {
+    static_assert(std::is_trivially_copyable_v<T>);
+
+  public:
+    LazyArray() = default;
+    explicit LazyArray(std::int64_t size) : bytes_(static_cast<std::size_t>(size) * sizeof(T)) {
+        if (bytes_ == 0) return;
+        void* memory = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE,
+                              MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+        if (memory == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "mmap");
+        data_ = static_cast<T*>(memory);
+    }
+    ~LazyArray() {
+        if (data_ != nullptr) ::munmap(data_, bytes_);
+    }
+    LazyArray(LazyArray&& other) noexcept
+        : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+    LazyArray& operator=(LazyArray&& other) noexcept {
+        std::swap(data_, other.data_);
+        std::swap(bytes_, other.bytes_);
+        return *this;
+    }
+
+    T* data() { return data_; }
+    const T* data() const { return data_; }
+    T& operator[](std::int64_t i) { return data_[i]; }
+    const T& operator[](std::int64_t i) const { return data_[i]; }
+
+  private:
+    T* data_ = nullptr;
+    std::size_t bytes_ = 0;
+};
 
 /// Frames that are kept: as many as there are transitions, and those of the windows that
 /// are not yet complete while all environments step together, each with a final frame.
@@ -57,8 +100,8 @@ void for_each_run(std::int64_t begin, std::int64_t end, std::int64_t ring, const
 /// The action of a step lies with the frame it was chosen on, which is the last one of
 /// the observation. First in, first out: with a frame go all transitions up to the last
 /// one that shows it. Trusts its caller's sizes.
-struct ReplayStorage {
-    explicit ReplayStorage(const ReplayConfig& config);
+struct FrameRing {
+    explicit FrameRing(const ReplayConfig& config);
 
     std::int64_t stack, action_size, frame_size, frames_capacity, capacity;
 
@@ -107,7 +150,7 @@ struct ReplayStorage {
 };
 
 template <class Visit>
-void ReplayStorage::for_each_frame_array(const Visit& visit) {
+void FrameRing::for_each_frame_array(const Visit& visit) {
     if (action_size > 0)
         visit(actions.data(), action_size);
     else
@@ -116,7 +159,7 @@ void ReplayStorage::for_each_frame_array(const Visit& visit) {
 }
 
 template <class Visit>
-void ReplayStorage::for_each_transition_array(const Visit& visit) {
+void FrameRing::for_each_transition_array(const Visit& visit) {
     visit(references.data(), 2 * stack);
     visit(n_step_returns.data(), std::int64_t{1});
     visit(discounts.data(), std::int64_t{1});

@@ -1,4 +1,4 @@
-#include "agents/repeated_frame.h"
+#include "dopamine/repeated_frame.h"
 
 #include <algorithm>
 #include <stdexcept>

@@ -8,7 +8,7 @@
 
 #include <torch/types.h>
 
-#include "cale/env.h"
+#include "world/step_result.h"
 
 namespace cale {
 

@@ -1,0 +1,397 @@
+#include "agents/on_policy.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+#include <torch/types.h>
+#include <torch/utils.h>
+
+#include "agents/advantages.h"
+#include "agents/captured_update.h"
+#include "agents/env_share.h"
+#include "agents/memory.h"
+#include "agents/random.h"
+#include "agents/state.h"
+#include "dopamine/repeated_frame.h"
+#include "dopamine/rollout.h"
+#include "parallel/process_group.h"
+
+namespace cale {
+namespace {
+
+/// The random streams of an agent. Their numbers are part of a run: another number is another seed.
+enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation };
+
+/// The group of an agent's processes; one process alone where there is none.
+ProcessGroup group_of(const ProcessGroup* processes) {
+    return processes != nullptr ? *processes : ProcessGroup();
+}
+
+}  // namespace
+
+std::span<const std::string_view> names_of(Minibatches) {
+    static constexpr std::array<std::string_view, 2> names{"shuffled", "contiguous"};
+    return names;
+}
+
+std::span<const std::string_view> names_of(StackAfterUpdate) {
+    static constexpr std::array<std::string_view, 2> names{"correct", "repeated"};
+    return names;
+}
+
+// Gradient steps ----------------------------------------------------------------------
+
+RolloutBatch normalized(RolloutBatch batch, const ProcessGroup* processes) {
+    const auto global = moments(batch.advantage, group_of(processes));
+    batch.advantage = (batch.advantage - global.mean) / (global.deviation + 1e-8);
+    batch.global_size = global.count;
+    return batch;
+}
+
+OnPolicyState::OnPolicyState(PpoNetwork network_, std::int64_t annealed_over_,
+                             const OnPolicySettings& settings)
+    : network(std::move(network_)),
+      parameters(network->parameters()),
+      adam(parameters, {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}),
+      learning_rate(settings.learning_rate),
+      max_gradient_norm(settings.max_gradient_norm),
+      annealed_over(annealed_over_) {}
+
+void OnPolicyState::anneal() {
+    if (annealed_over > 0) {
+        const auto part = static_cast<double>(gradient_steps) / static_cast<double>(annealed_over);
+        adam.set_learning_rate(learning_rate * std::max(0.0, 1 - part));
+    }
+    ++gradient_steps;
+}
+
+void OnPolicyState::step(torch::Tensor& loss, const ProcessGroup* processes) {
+    adam.zero_grad();
+    loss.backward();
+    if (processes != nullptr) {
+        std::vector<torch::Tensor> gradients;
+        for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
+        processes->sum(gradients);
+    }
+    clip_gradient_norm(parameters, max_gradient_norm);
+    adam.step();
+    loss = loss.detach();
+}
+
+// Agent -------------------------------------------------------------------------------
+
+namespace {
+
+PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
+                        const at::Generator& generator) {
+    return PpoNetwork(PpoNetworkConfig{.encoder = settings.network.encoder_for(spec),
+                                       .torso = settings.torso,
+                                       .hidden_layers = settings.network.hidden_layers,
+                                       .hidden_units = settings.network.hidden_units,
+                                       .log_std = settings.log_std},
+                      num_actions(spec.action_space), generator, action_box(spec.action_space));
+}
+
+OnPolicyState initial_state(const OnPolicySettings& settings, const AgentSpec& spec) {
+    auto network = make_network(settings, spec, make_generator(stream_seed(spec.seed, kInitialValues)));
+    network->to(spec.device);
+    const auto per_rollout = settings.epochs * (settings.rollout_steps / settings.minibatch_size);
+    const auto whole_run = std::max<std::int64_t>(spec.total_steps / settings.rollout_steps * per_rollout, 1);
+    const auto annealed_over = schedule_over_run(settings).empty() ? settings.anneal_steps : whole_run;
+    return {network, settings.anneal_learning_rate ? annealed_over : 0, settings};
+}
+
+class OnPolicy final : public Agent {
+  public:
+    OnPolicy(const OnPolicySettings& settings, const AgentSpec& spec, OnPolicyLosses losses,
+             const std::vector<std::string>& names)
+        : settings_(settings),
+          spec_(spec),
+          losses_(std::move(losses)),
+          names_(names),
+          processes_(group_of(spec.processes)),
+          share_(spec),
+          state_(initial_state(settings, spec)),
+          box_(action_box(spec.action_space)),
+          rollout_(empty_rollout()),
+          acting_random_(make_generator(stream_seed(spec.seed, kActing))),
+          shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
+          evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
+          // A message to other processes cannot be part of a recording.
+          gradient_step_(processes_.single() ? spec.device : torch::Device(torch::kCPU), {}) {}
+
+    torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
+        const torch::NoGradGuard no_grad;
+        const bool training = mode == ActMode::train;
+        auto& random = training ? acting_random_ : evaluation_random_;
+        const auto observations = training && repeats() ? repeated_frame_.next(seen) : seen;
+        if (training) rollout_->set_observations(observations);
+        // The policy is sampled in evaluation too, as the reference does.
+        const auto policy = state_.network(observations.to(spec_.device)).policy;
+        const auto share = training ? share_ : EnvShare(observations.size(0));
+        auto actions = sampled(policy, share, random);
+        if (settings_.exploration == Exploration::standard) return actions;
+        const auto epsilon = training ? this->epsilon() : settings_.epsilon.epsilon_eval;
+        actions = share.among_all(actions, /*filler=*/0);
+        return share.own(policy.gaussian
+                             ? epsilon_greedy(actions, epsilon, box_, random)
+                             : epsilon_greedy(actions, epsilon, num_actions(spec_.action_space), random));
+    }
+
+    void observe(const StepBatch& batch) override {
+        rollout_->add(batch.actions, batch.results, batch.final_frames);
+        training_steps_ += share_.all;
+        if (repeats()) repeated_frame_.remember(batch.frames, batch.results[0]);
+    }
+
+    bool update(const torch::Tensor& observations) override {
+        if (!rollout_->full()) return false;
+        learn(rollout_->next_observation.defined() ? rollout_->next_observation : observations);
+        rollout_->clear();
+        if (repeats()) repeated_frame_.push();
+        return true;
+    }
+
+    std::map<std::string, double> metrics() override {
+        auto values = newest_;
+        values["charts/learning_rate"] = state_.adam.learning_rate();
+        if (settings_.exploration == Exploration::epsilon_greedy) values["charts/epsilon"] = epsilon();
+        return values;
+    }
+
+    std::optional<AgentPolicy> policy() const override {
+        const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
+        return policy_of_network(state_.network, /*samples=*/true,
+                                 uniform ? settings_.epsilon.epsilon_eval : 0);
+    }
+
+    TensorMap state() override {
+        auto state = saved(parts());
+        add_part(state, "rollout/", joined_rollouts(processes_.gather(rollout_->state())));
+        if (repeats()) add_part(state, "repeated_frame/", repeated_frame_.state());
+        return state;
+    }
+
+    void load_state(const TensorMap& state) override {
+        auto rollout = empty_rollout();  // so that nothing has changed if a part is missing
+        rollout->restore(share_of_rollout(part_of(state, "rollout/"), share_));
+        auto repeated_frame = repeated_frame_;
+        if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
+        restore(parts(), state);
+        if (state_.gradient_steps > 0) {  // the learning rate is that of the newest gradient step again
+            --state_.gradient_steps;
+            state_.anneal();
+        }
+        rollout_ = std::move(rollout);
+        repeated_frame_ = std::move(repeated_frame);
+        newest_.clear();
+        gradient_step_.forget();
+    }
+
+  private:
+    std::unique_ptr<Rollout> empty_rollout() const {
+        const RolloutConfig config{.length = settings_.rollout_steps / share_.all,
+                                   .num_envs = spec_.num_envs,
+                                   .stack = spec_.observation.stack,
+                                   .frame_shape = spec_.observation.shape,
+                                   .action_size = box_size(spec_.action_space),
+                                   .reward_scale = settings_.reward_scale,
+                                   .reward_clip = settings_.reward_clip};
+        if (settings_.replay_terminal == ReplayTerminal::dopamine)
+            return std::make_unique<DopamineRollout>(config);
+        return std::make_unique<Rollout>(config);
+    }
+
+    bool repeats() const { return settings_.stack_after_update == StackAfterUpdate::repeated; }
+
+    double epsilon() const {
+        return linearly_decaying_epsilon(settings_.epsilon.epsilon_decay_period, training_steps_, 0,
+                                         settings_.epsilon.epsilon_train);
+    }
+
+    torch::Tensor sampled(const PpoPolicy& policy, const EnvShare& share, at::Generator& random) {
+        if (!policy.gaussian) {
+            const auto pi = share.among_all(policy.log_pi.exp().cpu(), /*filler=*/1);
+            return share.own(pi.multinomial(1, true, random).squeeze(1));
+        }
+        const auto noise =
+            share.own(torch::randn({share.all, box_size(spec_.action_space)}, random)).to(spec_.device);
+        return sample(*policy.gaussian, noise, state_.network->box).action.cpu();
+    }
+
+    torch::Tensor values(const torch::Tensor& observations) {
+        return state_.network(observations.to(spec_.device)).value;
+    }
+
+    /// The rollout as one batch of T x N steps, with everything that is fixed before the update.
+    RolloutBatch whole_rollout(const torch::Tensor& next_observations) {
+        const torch::NoGradGuard no_grad;
+        RolloutBatch whole;
+        whole.observation = rollout_->observation.flatten(0, 1).to(spec_.device);
+        whole.action = rollout_->action.flatten(0, 1).to(spec_.device);
+        std::vector<torch::Tensor> log_probs, old_values;
+        for (std::int64_t first = 0; first < whole.observation.size(0); first += settings_.minibatch_size) {
+            const auto part = [&](const torch::Tensor& steps) {
+                return steps.slice(0, first, first + settings_.minibatch_size);
+            };
+            const auto [policy, value] = state_.network(part(whole.observation));
+            log_probs.push_back(log_prob(policy, part(whole.action), state_.network->box));
+            old_values.push_back(value);
+        }
+        whole.old_log_prob = torch::cat(log_probs);
+        whole.old_value = torch::cat(old_values);
+        const auto rewards = rollout_->reward.clone();
+        for (const auto& cut : rollout_->truncations)
+            rewards[cut.step][cut.env] +=
+                settings_.gamma * values(cut.observation.unsqueeze(0))[0].item<float>();
+        const auto estimate = generalized_advantages(
+            rewards.to(spec_.device), rollout_->terminal.to(spec_.device), whole.old_value.view_as(rewards),
+            values(next_observations), settings_.gamma, settings_.gae_lambda);
+        whole.advantage = estimate.advantage.flatten();
+        whole.returns = estimate.returns.flatten();
+        return whole;
+    }
+
+    /// The rows of an epoch's minibatches in the rollout of all processes: [minibatches, size].
+    torch::Tensor shuffled_rows() {
+        return torch::randperm(settings_.rollout_steps, shuffling_random_, torch::kInt64)
+            .view({-1, settings_.minibatch_size});
+    }
+    torch::Tensor contiguous_rows() {
+        const auto size = settings_.minibatch_size;
+        const auto order = torch::randperm(settings_.rollout_steps / size, shuffling_random_, torch::kInt64);
+        return order.unsqueeze(1) * size + torch::arange(size);
+    }
+
+    void learn(const torch::Tensor& next_observations) {
+        const auto whole = whole_rollout(next_observations);
+        const auto contiguous = contiguous_rows();  // drawn for either order: the draws are part of a run
+        auto sums = torch::zeros({std::ssize(names_)}, torch::dtype(torch::kFloat32).device(spec_.device));
+        for (std::int64_t epoch = 0; epoch < settings_.epochs; ++epoch) {
+            const auto minibatches =
+                settings_.minibatches == Minibatches::contiguous ? contiguous : shuffled_rows();
+            for (const auto& rows : minibatches.to(spec_.device).unbind()) {
+                choose(whole, share_.own_rows(rows));
+                state_.anneal();
+                gradient_step_([&] { take_gradient_step(); });
+                sums += torch::stack(newest_losses_);
+            }
+        }
+        processes_.sum({sums});
+        log(sums / (settings_.epochs * contiguous.size(0)), whole);
+    }
+
+    void take_gradient_step() {
+        newest_losses_ = losses_(state_.network, normalized(minibatch_, &processes_));
+        state_.step(newest_losses_.front(), &processes_);
+    }
+
+    /// Copies these rows to minibatch_, which stays in its place in memory while their number does.
+    void choose(const RolloutBatch& whole, const torch::Tensor& rows) {
+        for (const auto part :
+             {&RolloutBatch::observation, &RolloutBatch::action, &RolloutBatch::old_log_prob,
+              &RolloutBatch::old_value, &RolloutBatch::advantage, &RolloutBatch::returns}) {
+            auto& chosen = minibatch_.*part;
+            if (!chosen.defined() || chosen.size(0) != rows.size(0))
+                chosen = torch::empty({0}, (whole.*part).options());
+            at::index_select_out(chosen, whole.*part, 0, rows);
+        }
+    }
+
+    void log(const torch::Tensor& mean_losses, const RolloutBatch& whole) {
+        const auto variance = [&](const torch::Tensor& part) {
+            return moments(part, processes_).deviation.square();
+        };
+        const auto unexplained = variance(whole.returns - whole.old_value) / (variance(whole.returns) + 1e-8);
+        const auto numbers = torch::cat({mean_losses, (1 - unexplained).view({1})}).cpu();
+        std::int64_t i = 0;
+        for (const auto& name : names_) newest_["losses/" + name] = numbers[i++].item<double>();
+        newest_["losses/explained_variance"] = numbers[i].item<double>();
+        if (whole.action.dim() == 1) return;
+        std::vector<torch::Tensor> coordinates;
+        for (const auto& coordinate : whole.action.unbind(1))
+            coordinates.push_back(moments(coordinate, processes_).mean);
+        add_mean_action(newest_, spec_.action_space, torch::stack(coordinates));
+    }
+
+    StateParts parts() {
+        StateParts parts;
+        parts.add("network/", *state_.network);
+        parts.add("adam/", state_.adam.state());
+        parts.generators["random/acting"] = &acting_random_;
+        parts.generators["random/shuffling"] = &shuffling_random_;
+        parts.generators["random/evaluation"] = &evaluation_random_;
+        parts.counters["training_steps"] = &training_steps_;
+        parts.counters["gradient_steps"] = &state_.gradient_steps;
+        return parts;
+    }
+
+    OnPolicySettings settings_;
+    AgentSpec spec_;
+    OnPolicyLosses losses_;
+    std::vector<std::string> names_;  // of the losses
+    ProcessGroup processes_;
+    EnvShare share_;
+    OnPolicyState state_;
+    ActionBox box_;
+    std::unique_ptr<Rollout> rollout_;
+    std::int64_t training_steps_ = 0;
+    RepeatedFrame repeated_frame_;
+    at::Generator acting_random_, shuffling_random_, evaluation_random_;
+    CapturedUpdate gradient_step_;
+    RolloutBatch minibatch_;
+    std::vector<torch::Tensor> newest_losses_;
+    std::map<std::string, double> newest_;  // what the log shows
+};
+
+}  // namespace
+
+std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSpec& spec,
+                                 OnPolicyLosses losses, const std::vector<std::string>& names) {
+    check_settings(settings, spec);
+    return std::make_unique<OnPolicy>(settings, spec, std::move(losses), names);
+}
+
+// Settings ----------------------------------------------------------------------------
+
+void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
+    const auto require_multiple = [&](std::int64_t of, const std::string& name) {
+        if (settings.rollout_steps % of == 0) return;
+        throw std::invalid_argument("agent.rollout_steps is " + std::to_string(settings.rollout_steps) +
+                                    ", which is no multiple of " + name + " = " + std::to_string(of) +
+                                    "; change one of the two");
+    };
+    if (spec.overlap)
+        throw std::invalid_argument(
+            "train.overlap: this agent learns only from the steps of its newest policy, so its environments "
+            "cannot step while it learns; set train.overlap to false");
+    const auto all_envs = EnvShare(spec).all;
+    if (settings.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
+        throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +
+                                    std::to_string(all_envs));
+    if (settings.replay_terminal == ReplayTerminal::dopamine && all_envs != 1)
+        throw std::invalid_argument("agent.replay_terminal: dopamine is a rule for env.num_envs = 1, not " +
+                                    std::to_string(all_envs));
+    require_multiple(all_envs, "env.num_envs");
+    require_multiple(settings.minibatch_size, "agent.minibatch_size");
+}
+
+std::string_view schedule_over_run(const OnPolicySettings& settings) {
+    return settings.anneal_learning_rate && settings.anneal_steps == 0 ? "agent.anneal_learning_rate" : "";
+}
+
+void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available) {
+    const auto network = make_network(settings, spec, no_values());
+    const auto left = memory_beside(
+        {parameter_bytes(*network), /*target=*/false, "agent.hidden_units or agent.hidden_layers"}, spec,
+        available);
+    // A second time where a checkpoint is written.
+    const auto rollout = 2 * settings.rollout_steps * spec.num_envs / EnvShare(spec).all *
+                         spec.observation.stack * spec.observation.frame_size();
+    if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
+}
+
+}  // namespace cale

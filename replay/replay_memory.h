@@ -1,0 +1,18 @@
+// How much memory a replay takes, known before it is made.
+#pragma once
+
+#include <cstdint>
+
+#include "replay/types.h"
+
+namespace cale {
+
+/// Bytes that a buffer of this configuration takes once it is full. Throws
+/// std::invalid_argument, naming key, value and range, for an impossible configuration.
+std::int64_t memory_needed(const ReplayConfig& config);
+
+/// Throws std::runtime_error, naming both figures and the key to lower, when the
+/// `available` bytes are fewer than memory_needed(config).
+void check_memory(const ReplayConfig& config, std::int64_t available);
+
+}  // namespace cale

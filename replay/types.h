@@ -1,0 +1,100 @@
+// What the parts of a replay hand to one another: its configuration, what goes in, and what comes out.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <numeric>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <torch/types.h>
+
+#include "cale/fields.h"
+#include "world/step_result.h"
+
+namespace cale {
+
+/// What is stored at an episode's end.
+///   corrected  every transition once, last reward included, full stacks; truncation bootstraps
+///   dopamine   what google/dopamine's accumulator emits, defects included (its issue #228)
+enum class ReplayTerminal { corrected, dopamine };
+std::span<const std::string_view> names_of(ReplayTerminal);
+
+/// The defaults are those of 200 million frames.
+struct ReplayConfig {
+    std::int64_t capacity = 1'000'000;              // transitions
+    std::int64_t num_envs = 1;                      // that store here
+    std::int64_t stack = 4;                         // frames of an observation
+    std::vector<std::int64_t> frame_shape{84, 84};  // {rows, columns} of bytes, or {bytes}
+    std::int64_t action_size = 3;                   // continuous coordinates; 0: one discrete action
+    std::int64_t update_horizon = 1;                // n of the n-step return
+    double gamma = 0.99;                            // discount per agent step
+    ReplayTerminal replay_terminal = ReplayTerminal::corrected;  // what is stored at an episode's end
+    bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
+
+    /// Returns the bytes of a frame.
+    std::int64_t frame_size() const {
+        return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
+    }
+};
+
+/// One number of a configuration, under the name its user knows.
+struct ReplayConfigEntry {
+    const char* key;                               // such as agent.replay_capacity
+    double value;                                  // of this configuration
+    Range range;                                   // of possible values
+    std::span<const std::string_view> names = {};  // of an enumeration's values
+
+    /// Returns `number` as this entry's value is written.
+    std::string text(double number) const;
+};
+/// Returns all of them, in the order of a replay's files.
+std::array<ReplayConfigEntry, 10> entries(const ReplayConfig& config);
+
+/// Throws std::invalid_argument, naming key, value and range, for an impossible configuration.
+void validate(const ReplayConfig& config);
+
+/// One agent step of one environment: `reward` followed `action`, which was chosen on
+/// the stack that ends with `frame`.
+struct Experience {
+    std::span<const std::uint8_t> frame = {};        // height x width
+    std::span<const float> action = {};              // action_size coordinates (continuous)
+    std::int64_t discrete_action = 0;                // (discrete)
+    float reward = 0;                                // of the step
+    bool terminal = false;                           // nothing follows: no bootstrapping
+    bool truncated = false;                          // cut off: what would have followed counts
+    std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
+};
+
+/// B transitions. `discount` is 0 where the window met a terminal, gamma^steps otherwise,
+/// so that a target is always n_step_return + discount * value(next_observation).
+struct Batch {
+    torch::Tensor observation;       // [B, stack, H, W] uint8, newest frame last
+    torch::Tensor action;            // [B, action_size] float32, or [B] int64
+    torch::Tensor n_step_return;     // [B] float32
+    torch::Tensor discount;          // [B] float32
+    torch::Tensor next_observation;  // [B, stack, H, W] uint8
+    torch::Tensor index;             // [B] int64: where they are stored, in [0, capacity)
+    torch::Tensor probability = {};  // [B] float32: with which each one was drawn
+};
+
+/// The number of a frame: 0, 1, 2, ... in the order they were stored.
+using FrameId = std::int64_t;
+/// Stands for a frame of zeros, before an episode's first.
+inline constexpr FrameId kBlankFrame = -1;
+
+/// One agent step: the frame the action was chosen on, and the reward that followed.
+struct StoredStep {
+    FrameId frame = 0;
+    double reward = 0;
+};
+
+enum class EpisodeEnd { none, terminal, truncated };
+
+/// Throws std::invalid_argument, naming the environment and the value, for a reward that is no finite number.
+void require_finite_rewards(std::span<const StepResult> results);
+
+}  // namespace cale
