@@ -48,7 +48,9 @@ torch::Tensor RepeatedFrame::next(const torch::Tensor& observations) {
     const auto stack = observations.size(1);
     if (!repeated_.defined() || newer_ >= stack) return observations;
     const auto split = stack - newer_++;
-    const auto frame = repeated_.view({1, 1, observations.size(2), observations.size(3)});
+    auto shape = observations.sizes().vec();
+    shape[0] = shape[1] = 1;
+    const auto frame = repeated_.view(shape);
     return torch::cat({observations.slice(1, 1, split), frame, observations.slice(1, split)}, 1);
 }
 

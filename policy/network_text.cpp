@@ -76,9 +76,9 @@ std::string head_text(const Head& head) {
 // Reading -------------------------------------------------------------------------------
 
 /// One entry of the text, word by word.
-class Words {
+class EntryReader {
   public:
-    explicit Words(const std::string& entry) : entry_(entry), words_(split(entry, ' ')) {}
+    explicit EntryReader(const std::string& entry) : entry_(entry), words_(split(entry, ' ')) {}
 
     std::string next() {
         if (now_ == words_.size()) refuse("ends too early");
@@ -120,59 +120,59 @@ class Words {
     std::size_t now_ = 0;
 };
 
-std::vector<std::int64_t> parse_observation(Words words) {
-    if (words.next() != "observation") words.refuse("is not its observation, which is the first");
-    std::vector<std::int64_t> shape{words.whole(kMostStack)};
-    shape.push_back(words.whole(kMostBytes));
-    if (!words.done()) {
-        if (shape.back() > kMostPixels) words.refuse("has more than 512 rows");
-        shape.push_back(words.whole(kMostPixels));
+std::vector<std::int64_t> parse_observation(EntryReader entry) {
+    if (entry.next() != "observation") entry.refuse("is not its observation, which is the first");
+    std::vector<std::int64_t> shape{entry.whole(kMostStack)};
+    shape.push_back(entry.whole(kMostBytes));
+    if (!entry.done()) {
+        if (shape.back() > kMostPixels) entry.refuse("has more than 512 rows");
+        shape.push_back(entry.whole(kMostPixels));
     }
-    words.end();
+    entry.end();
     return shape;
 }
 
-Layer parse_layer(Words words) {
-    const auto kind = words.next();
+Layer parse_layer(EntryReader entry) {
+    const auto kind = entry.next();
     const auto* const known =
         std::ranges::find_if(kKinds, [&](const KindName& candidate) { return candidate.name == kind; });
-    if (known == std::end(kKinds)) words.refuse("is no layer that is known");
+    if (known == std::end(kKinds)) entry.refuse("is no layer that is known");
     Layer layer{.kind = known->kind};
     if (layer.kind == Kind::conv || layer.kind == Kind::dense || layer.kind == Kind::layer_norm)
-        layer.name = words.name();
-    if (layer.kind == Kind::conv || layer.kind == Kind::dense) layer.outputs = words.whole(kMostUnits);
+        layer.name = entry.name();
+    if (layer.kind == Kind::conv || layer.kind == Kind::dense) layer.outputs = entry.whole(kMostUnits);
     if (layer.kind == Kind::conv || layer.kind == Kind::max_pool) {
-        layer.kernel = words.whole(kLargestWindow);
-        layer.stride = words.whole(kLargestWindow);
+        layer.kernel = entry.whole(kLargestWindow);
+        layer.stride = entry.whole(kLargestWindow);
     }
     if (layer.kind == Kind::conv) {
-        const auto padding = words.next();
+        const auto padding = entry.next();
         layer.rows = padding == "rows";
         layer.padding = padding == "valid" ? Padding::valid : Padding::same;
         if (!layer.rows && padding != "same" && padding != "valid")
-            words.refuse("is not padded as one of same, valid, rows");
+            entry.refuse("is not padded as one of same, valid, rows");
     }
-    words.end();
+    entry.end();
     return layer;
 }
 
-Head parse_head(Words words) {
-    const auto kind = words.next();
+Head parse_head(EntryReader entry) {
+    const auto kind = entry.next();
     Head head;
     if (kind == "gaussian") head.kind = Head::Kind::gaussian;
     if (kind == "categorical") head.kind = Head::Kind::categorical;
     if (kind == "values" || kind == "dueling_values") head.kind = Head::Kind::values;
     if (head.kind == Head::Kind::squashed_gaussian && kind != "squashed_gaussian")
-        words.refuse(
+        entry.refuse(
             "is no head: its last entry must be one of squashed_gaussian, gaussian, categorical, "
             "values, dueling_values");
-    if (!head.continuous()) head.num_actions = words.whole(kMostActions);
+    if (!head.continuous()) head.num_actions = entry.whole(kMostActions);
     if (head.kind == Head::Kind::values) {
         head.dueling = kind == "dueling_values";
-        head.num_atoms = words.whole(kMostAtoms);
-        head.value_limit = words.real(kMostReturn);
+        head.num_atoms = entry.whole(kMostAtoms);
+        head.value_limit = entry.real(kMostReturn);
     }
-    words.end();
+    entry.end();
     return head;
 }
 
@@ -227,10 +227,11 @@ std::string network_text(const NetworkSpec& network) {
 NetworkSpec parse_network(std::string_view text) {
     const auto parts = entries(text);
     if (parts.size() < 3) throw FileDamage("its network has no layers");
-    NetworkSpec network{.observation = parse_observation(Words(parts.front())),
+    NetworkSpec network{.observation = parse_observation(EntryReader(parts.front())),
                         .layers = {},
-                        .head = parse_head(Words(parts.back()))};
-    for (std::size_t i = 1; i + 1 < parts.size(); ++i) network.layers.push_back(parse_layer(Words(parts[i])));
+                        .head = parse_head(EntryReader(parts.back()))};
+    for (std::size_t i = 1; i + 1 < parts.size(); ++i)
+        network.layers.push_back(parse_layer(EntryReader(parts[i])));
     if (network_text(network) != text)  // 04 is 4, but nobody writes it
         throw FileDamage("its network is not written as cale export writes it");
     check_network(network);

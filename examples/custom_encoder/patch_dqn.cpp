@@ -14,12 +14,9 @@ namespace {
 
 PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& spec) {
     const auto generator = cale::initial_values(spec);
-    PatchEncoder encoder(spec.observation.stack, spec.observation.shape.at(0), spec.observation.shape.at(1),
-                         config.channels, generator);
-    PatchNetwork network(encoder,
-                         cale::QHeadConfig{.num_actions = cale::num_actions(spec.action_space),
-                                           .hidden_units = config.hidden_units},
-                         generator);
+    const cale::QHeadConfig head{.num_actions = cale::num_actions(spec.action_space),
+                                 .hidden_units = config.hidden_units};
+    PatchNetwork network(cale::observation_shape(spec), config.channels, head, generator);
     network->to(spec.device);
     return network;
 }

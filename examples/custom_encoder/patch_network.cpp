@@ -1,32 +1,28 @@
 #include "patch_network.h"
 
-#include <utility>
-
 namespace example {
-namespace {
-constexpr std::int64_t kPatch = 12;
+
+cale::Layers patch_layers(std::int64_t channels) {
+    using Kind = cale::Layer::Kind;
+    constexpr std::int64_t patch = 12;
+    return {cale::Layer::conv("patches", channels, patch, patch, cale::Padding::valid),
+            cale::Layer::of(Kind::relu),
+            cale::Layer::of(Kind::keep),
+            cale::Layer::conv("neighbours", channels, 3, 1),
+            cale::Layer::of(Kind::relu),
+            cale::Layer::of(Kind::add_kept),
+            cale::Layer::of(Kind::flatten)};
 }
 
-PatchEncoderImpl::PatchEncoderImpl(std::int64_t stack, std::int64_t height, std::int64_t width,
-                                   std::int64_t channels, at::Generator generator)
-    : size_(channels * (height / kPatch) * (width / kPatch)) {
-    // Initial values come from the generator, not from a global one: the same seed gives the same network.
-    const auto initialise = cale::glorot_uniform();
-    patches_ = register_module(
-        "patches", cale::Conv(stack, channels, kPatch, kPatch, initialise, generator, cale::Padding::valid));
-    neighbours_ = register_module("neighbours", cale::Conv(channels, channels, std::int64_t{3},
-                                                           std::int64_t{1}, initialise, generator));
-}
+// Initial values come from the generator, not from a global one: the same seed gives the same network.
+PatchEncoderImpl::PatchEncoderImpl(const std::vector<std::int64_t>& observation, std::int64_t channels,
+                                   const at::Generator& generator)
+    : stack_(*this, patch_layers(channels), observation, cale::glorot_uniform(), generator) {}
 
-torch::Tensor PatchEncoderImpl::forward(const torch::Tensor& observation) const {
-    const auto pixels = observation.to(at::kFloat).div_(255);
-    const auto tokens = patches_->forward(pixels).relu();
-    return (tokens + neighbours_->forward(tokens).relu()).flatten(1);
-}
-
-PatchNetworkImpl::PatchNetworkImpl(PatchEncoder encoder, const cale::QHeadConfig& head,
-                                   at::Generator generator) {
-    encoder_ = register_module("encoder", std::move(encoder));
+PatchNetworkImpl::PatchNetworkImpl(const std::vector<std::int64_t>& observation, std::int64_t channels,
+                                   const cale::QHeadConfig& head, const at::Generator& generator)
+    : acting(cale::values_spec(observation, patch_layers(channels), head)) {
+    encoder_ = register_module("encoder", PatchEncoder(observation, channels, generator));
     head_ = register_module("head", cale::QHead(encoder_->size(), head, generator));
 }
 

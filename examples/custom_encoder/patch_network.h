@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include <ATen/core/Generator.h>
-#include <networks/layers.h>
+#include <networks/layer_stack.h>
 #include <networks/q_network.h>
+#include <policy/network_spec.h>
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
@@ -13,27 +15,35 @@
 namespace example {
 
 /// Cuts a frame into patches of 12 x 12 pixels, each of which becomes a vector, as vision transformers begin
-/// (Dosovitskiy et al. 2021); a 3x3 convolution lets neighbours know of each other.
+/// (Dosovitskiy et al. 2021); a 3x3 convolution lets neighbours know of each other. Of layers that policy
+/// files know, so a policy that was trained with it is exported and played as any other.
+cale::Layers patch_layers(std::int64_t channels);
+
+/// Those layers as a module.
 class PatchEncoderImpl : public torch::nn::Module {
   public:
-    PatchEncoderImpl(std::int64_t stack, std::int64_t height, std::int64_t width, std::int64_t channels,
-                     at::Generator generator);
+    PatchEncoderImpl(const std::vector<std::int64_t>& observation, std::int64_t channels,
+                     const at::Generator& generator);
     /// [B, stack, H, W] uint8 -> [B, size()]
-    torch::Tensor forward(const torch::Tensor& observation) const;
-    std::int64_t size() const { return size_; }
+    torch::Tensor forward(const torch::Tensor& observation) const {
+        return stack_(stack_.scaled(observation));
+    }
+    std::int64_t size() const { return stack_.features(); }
 
   private:
-    std::int64_t size_;
-    cale::Conv patches_{nullptr}, neighbours_{nullptr};
+    cale::LayerStack stack_;
 };
 using PatchEncoder = torch::nn::ModuleHolder<PatchEncoderImpl>;
 
 /// The encoder, and cale's own head for action values.
 class PatchNetworkImpl : public torch::nn::Module {
   public:
-    PatchNetworkImpl(PatchEncoder encoder, const cale::QHeadConfig& head, at::Generator generator);
+    PatchNetworkImpl(const std::vector<std::int64_t>& observation, std::int64_t channels,
+                     const cale::QHeadConfig& head, const at::Generator& generator);
     /// [B, stack, H, W] uint8 -> [B, A]
     torch::Tensor forward(const torch::Tensor& observation);
+
+    cale::NetworkSpec acting;  // what a policy file says of it
 
   private:
     PatchEncoder encoder_{nullptr};

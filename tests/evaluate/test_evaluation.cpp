@@ -16,9 +16,11 @@
 #include <string>
 #include <vector>
 
+#include "agents/der.h"
 #include "agents/dqn.h"
 #include "agents/ppo.h"
 #include "agents/sac.h"
+#include "agents/sacd.h"
 #include "cale/random_play.h"
 #include "evaluate/evaluation_progress.h"
 #include "evaluate/evaluation_report.h"
@@ -361,6 +363,25 @@ TEST(PolicyEvaluationEmulator, TellsTheValuesOfAnAgentThatLearnsThem) {
     EXPECT_TRUE(torch::allclose(chosen.values, std::get<0>(dqn.output(observations).max(1)), 1e-4, 1e-5));
     const auto ppo = trained("ppo", make_ppo, folder.path() / "ppo", {"env.action_space=minimal"});
     EXPECT_FALSE(decide_by(ppo, false, 1)(observations, games).values.defined());
+}
+
+TEST(PolicyEvaluationEmulator, EveryAgentLearnsFromTheMemoryAndIsEvaluatedOnIt) {
+    const TemporaryFolder folder;
+    const std::vector<std::string> replay{"env.obs=ram",          "agent.encoder=mlp",
+                                          "agent.min_replay=100", "agent.replay_capacity=1000",
+                                          "agent.batch_size=8",   "train.total_steps=120"};
+    const std::vector<std::string> rollout{"env.obs=ram", "agent.encoder=mlp", "agent.rollout_steps=8",
+                                           "agent.minibatch_size=4", "train.total_steps=24"};
+    for (const auto& policy : {trained("sac", make_sac, folder.path() / "sac", replay),
+                               trained("sacd", make_sacd, folder.path() / "sacd", replay),
+                               trained("dqn", make_dqn, folder.path() / "dqn", replay),
+                               trained("der", make_der, folder.path() / "der", replay),
+                               trained("ppo", make_ppo, folder.path() / "ppo", rollout)}) {
+        EXPECT_EQ(policy.info().encoder, "mlp");
+        EvaluationPlan plan{.env = env_config_of(policy.info()), .games = 1};
+        plan.env.max_frames_per_episode = 80;
+        EXPECT_EQ(rows(evaluate(decide_by(policy, false, 1), plan)).size(), 1u) << policy.info().agent;
+    }
 }
 
 TEST(PolicyEvaluationEmulator, SamplesAGameTheSameWayWhateverIsBesideIt) {

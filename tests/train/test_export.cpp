@@ -144,8 +144,10 @@ class ExportEmulator : public testing::TestWithParam<Case> {
         snapshot.state.step = 1'234;
         snapshot.state.frame = 4'936;
         snapshot.agent = agent->state();
-        const TrainOptions options{
-            .agent_name = agent_name, .config = yaml, .hyperparameters = {{"agent.encoder", "its encoder"}}};
+        TrainOptions options;
+        options.agent_name = agent_name;
+        options.config = yaml;
+        options.hyperparameters = {{"agent.encoder", "its encoder"}};
         snapshot.policy = {*agent->policy(), *run_policy_info(world, {}, options)};
         snapshot.policy->info.provenance["agent_steps"] = "1234";
         evaluation_random = restored_generator(snapshot.agent.at("random/evaluation"));
