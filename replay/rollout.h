@@ -41,6 +41,7 @@ struct RolloutConfig {
 /// T steps of N environments, on the CPU.
 class Rollout {
   public:
+    /// Takes all its memory at once.
     explicit Rollout(const RolloutConfig& config);
     virtual ~Rollout() = default;
 
@@ -82,8 +83,9 @@ class Rollout {
     std::vector<Truncation> truncations;  // of this rollout
 
   protected:
-    /// Stores observations and a step that fit.
+    /// Stores observations that fit.
     virtual void store_observations(const torch::Tensor& observations);
+    /// Stores a step that fits.
     virtual void store_step(const torch::Tensor& actions, std::span<const StepResult> results,
                             std::span<const std::uint8_t> final_frames);
     /// Returns a reward clipped and scaled.
