@@ -116,10 +116,11 @@ struct OnPolicyState {
     /// along the sum of their gradients.
     void step(torch::Tensor& loss, const ProcessGroup* processes = nullptr);
 
-    PpoNetwork network;                     // acts too
-    std::vector<torch::Tensor> parameters;  // the network's
-    Adam adam;                              // their optimiser
-    double learning_rate, max_gradient_norm;
+    PpoNetwork network;                              // acts too
+    std::vector<torch::Tensor> parameters;           // the network's
+    Adam adam;                                       // their optimiser
+    double learning_rate;                            // at the start
+    double max_gradient_norm;                        // that gradients are scaled down to
     std::int64_t annealed_over, gradient_steps = 0;  // the latter made so far
 };
 

@@ -237,15 +237,10 @@ void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::u
     impl_->step(actions, frames, final_frames, results);
 }
 
-void VectorEnv::step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
-                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
-    impl_->step(actions, frames, final_frames, results);
-}
-
 void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
     if (const auto* numbers = std::get_if<std::span<const std::int64_t>>(&actions))
-        return step(*numbers, frames, final_frames, results);
+        return impl_->step(*numbers, frames, final_frames, results);
     const auto coordinates = std::get<std::span<const float>>(actions);
     static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
     require_size(coordinates.size(), 3 * impl_->envs.size(), "coordinates of actions");

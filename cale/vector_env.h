@@ -59,11 +59,8 @@ class VectorEnv final : public World {
     /// environments have finished the step; nothing hangs.
     void step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
-    /// The same with indices into actions(). Throws std::out_of_range.
-    void step(std::span<const std::int64_t> actions, std::span<std::uint8_t> frames,
-              std::span<std::uint8_t> final_frames, std::span<StepResult> results);
-
-    /// See World. Throws as the other two do.
+    /// The same with indices into actions(), or with vectors (r, theta, fire). Throws std::out_of_range for
+    /// an index that there is not.
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override;
 

@@ -88,10 +88,11 @@ inline constexpr FrameId kBlankFrame = -1;
 
 /// One agent step: the frame the action was chosen on, and the reward that followed.
 struct StoredStep {
-    FrameId frame = 0;
-    double reward = 0;
+    FrameId frame = 0;  // that the action was chosen on
+    double reward = 0;  // of the step
 };
 
+/// How a step ended its episode.
 enum class EpisodeEnd { none, terminal, truncated };
 
 /// Throws std::invalid_argument, naming the environment and the value, for a reward that is no finite number.

@@ -350,7 +350,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
         Console(stderr).header(
             fmt::format("{} on {}", program.agent_name, world.id),
             header_of(
-                program, world, actions, run_dir,
+                program, world, spec.action_space, run_dir,
                 fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -59,7 +60,7 @@ int run_program(const std::string& agent_name, const std::string& description,
     RunConfig<AgentConfig, WorldConfig> config;
     ConfigTable table = settings_of(config);
     TrainingProgram program{
-        .name = "train_" + agent_name,
+        .name = std::filesystem::path(argv[0]).filename().string(),
         .agent_name = agent_name,
         .description = description,
         .table = table,

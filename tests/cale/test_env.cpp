@@ -117,7 +117,7 @@ TEST(EmulatorEnv, FramesAreTheReferencesOnEveryScreenHeight) {
             const auto result = played.random_step(t);
             float reward = 0;
             for (int frame = 0; frame < 4; ++frame) {
-                reward += static_cast<float>(emulator.act(static_cast<Event>(result.event), 1));
+                reward += static_cast<float>(emulator.act(static_cast<cale::Event>(result.event), 1));
                 if (frame == 2) reference.set_first(emulator.screen());
                 if (frame == 3) reference.set_second(emulator.screen());
             }
@@ -137,7 +137,7 @@ TEST(EmulatorEnv, OneFrameStepsShowTheirFrame) {
     for (std::uint64_t t = 0; t < 200; ++t) {
         const auto result = played.random_step(t);
         EXPECT_EQ(result.frames, 1);
-        emulator.act(static_cast<Event>(result.event), 1);
+        emulator.act(static_cast<cale::Event>(result.event), 1);
         ReferenceFrames reference(emulator.screen_height(), emulator.gray_palette());
         reference.set_first(emulator.screen());
         ASSERT_EQ(played.frame, reference.observe()) << "step " << t;

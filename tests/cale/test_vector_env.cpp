@@ -195,8 +195,8 @@ TEST(EmulatorVectorEnv, TakesIndicesOfDiscreteActions) {
     EXPECT_EQ(crowd.envs.actions().size(), 6u);
     const std::vector<std::int64_t> actions{1, 2};
     crowd.envs.step(actions, crowd.frames, crowd.final_frames, crowd.results);
-    EXPECT_EQ(static_cast<Event>(crowd.results[0].event), crowd.envs.actions()[1]);
-    EXPECT_EQ(static_cast<Event>(crowd.results[1].event), crowd.envs.actions()[2]);
+    EXPECT_EQ(static_cast<cale::Event>(crowd.results[0].event), crowd.envs.actions()[1]);
+    EXPECT_EQ(static_cast<cale::Event>(crowd.results[1].event), crowd.envs.actions()[2]);
     const std::vector<std::int64_t> wrong{1, 6};
     EXPECT_THROW(crowd.envs.step(wrong, crowd.frames, crowd.final_frames, crowd.results), std::out_of_range);
 }

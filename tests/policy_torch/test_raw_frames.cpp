@@ -90,7 +90,7 @@ TEST_P(RawFramesEmulator, AreSeenAsInTraining) {
             last = env.step(stick, frame);
             if (last->terminal || last->truncated) stack.clear(0);
             const auto played = decision(info, stick);
-            EXPECT_EQ(played.event, last->event);
+            EXPECT_EQ(played.event, static_cast<Event>(last->event));
             int reward = 0;
             do {
                 const int lives = emulator.lives();

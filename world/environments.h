@@ -1,0 +1,105 @@
+// A World of N equal environments, from a class that has the rules of one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "world/world.h"
+
+namespace cale {
+
+/// N environments that are stepped one after the other. `Game` has
+///     explicit Game(std::uint32_t seed)
+///     static ActionSpace action_space()
+///     static ObservationSpace observation_space()
+///     void reset()                                       begins an episode
+///     StepResult step(std::int64_t), or
+///     StepResult step(std::span<const float>)            as the action space says
+///     void draw(std::span<std::uint8_t> frame) const     writes the newest array of the observation
+///     template <class Visit> void visit_state(Visit&&)   calls visit("name", member) for every member that
+///     what
+///                                                        follows depends on; each is trivially copyable
+template <class Game>
+class Environments final : public World {
+  public:
+    /// One environment for each seed.
+    explicit Environments(std::span<const std::uint32_t> seeds) : games_(seeds.begin(), seeds.end()) {}
+
+    std::int64_t size() const override { return std::ssize(games_); }
+    ActionSpace action_space() const override { return Game::action_space(); }
+    ObservationSpace observation_space() const override { return Game::observation_space(); }
+
+    void reset(std::span<std::uint8_t> frames) override {
+        for (std::size_t i = 0; i < games_.size(); ++i) {
+            games_[i].reset();
+            games_[i].draw(row(frames, i));
+        }
+    }
+
+    void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
+              std::span<StepResult> results) override {
+        for (std::size_t i = 0; i < games_.size(); ++i) {
+            auto& game = games_[i];
+            results[i] = step_one(game, actions, i);
+            if (results[i].episode_over) {
+                game.draw(row(final_frames, i));
+                game.reset();
+            }
+            game.draw(row(frames, i));
+        }
+    }
+
+    std::vector<EpisodeRecord> record() const override {
+        std::vector<EpisodeRecord> records;
+        for (auto game : games_) {
+            auto& record = records.emplace_back();
+            game.visit_state([&](std::string_view name, const auto& member) {
+                static_assert(std::is_trivially_copyable_v<std::remove_cvref_t<decltype(member)>>);
+                const auto* const bytes = reinterpret_cast<const std::uint8_t*>(&member);
+                record[std::string(name)].assign(bytes, bytes + sizeof(member));
+            });
+        }
+        return records;
+    }
+
+    void resume(std::span<const EpisodeRecord> records) override {
+        auto games = games_;
+        for (std::size_t i = 0; i < games.size(); ++i) {
+            games[i].visit_state([&](std::string_view name, auto& member) {
+                const auto found = records[i].find(std::string(name));
+                if (found == records[i].end() || found->second.size() != sizeof(member))
+                    throw std::runtime_error("the state of environment " + std::to_string(i) +
+                                             " lacks its '" + std::string(name) + "'");
+                std::memcpy(&member, found->second.data(), sizeof(member));
+            });
+        }
+        games_ = std::move(games);
+    }
+
+  private:
+    static std::span<std::uint8_t> row(std::span<std::uint8_t> frames, std::size_t i) {
+        const auto size = static_cast<std::size_t>(Game::observation_space().frame_size());
+        return frames.subspan(i * size, size);
+    }
+
+    static StepResult step_one(Game& game, const Actions& actions, std::size_t i) {
+        if constexpr (requires { game.step(std::int64_t{}); }) {
+            return game.step(std::get<std::span<const std::int64_t>>(actions)[i]);
+        } else {
+            const auto size = static_cast<std::size_t>(box_size(Game::action_space()));
+            return game.step(std::get<std::span<const float>>(actions).subspan(i * size, size));
+        }
+    }
+
+    std::vector<Game> games_;
+};
+
+}  // namespace cale
