@@ -53,11 +53,11 @@ struct RunState {
     std::int64_t frame = 0;  // emulated frames, over all environments
     std::int64_t episodes = 0;
     EventCounts joystick_events{};            // in training, over all environments
-    double seconds = 0;                       // spent training, over all sittings
+    double seconds = 0;                       // spent training, over all sessions
     std::vector<double> recent_returns{};     // of the last 100 episodes, oldest first
     std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far
     std::int64_t progress_rows = 0;           // reports in progress.csv
-    bool evaluation_due = false;              // one was interrupted: it is repeated on resume
+    bool evaluation_due = false;              // one was interrupted: it is played on resume
     std::optional<Score> score{};             // at this step; none where none was due
     std::map<std::string, double> metrics{};  // of the agent's newest update
 };
@@ -101,9 +101,9 @@ inline constexpr const char* kPolicyFile = "policy.safetensors";
 StoredCheckpoint write_checkpoint(const std::filesystem::path& run_dir, RunSnapshot snapshot,
                                   const StoredCheckpoint* last, const StoredCheckpoint* before_last);
 
-/// Deletes the checkpoints up to `newest` that are not kept, those after it (the run was resumed before a
-/// damaged one), and unfinished ones of killed runs. The decision depends only on what is on disk. With
-/// `retention.best` the link "best" is set to the best one.
+/// Deletes the checkpoints up to `newest` that are not kept, those after it (left by a resume from before a
+/// damaged checkpoint), and unfinished ones of killed runs. The decision depends only on what is on disk.
+/// With `retention.best` the link "best" is set to the best one.
 void delete_other_checkpoints(const std::filesystem::path& run_dir, const std::filesystem::path& newest,
                               const Retention& retention);
 

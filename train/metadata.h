@@ -7,8 +7,7 @@
 //     finished, stopped                                      why it ended early; null: it runs, or was killed
 //     resumed                                                the later sessions, with the same keys
 //     schedule_over_run                                      see AgentSpec
-//     accepted_changes                                       settings that were changed during the run, and
-//     when
+//     accepted_changes                                       settings changed during the run, and when
 #pragma once
 
 #include <chrono>
