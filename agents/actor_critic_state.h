@@ -56,7 +56,7 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
 /// `Network`: SacNetwork or SacdNetwork.
 template <class Network>
 struct ActorCriticState {
-    /// `log_alpha` [1] requires a gradient. The target starts as it is given.
+    /// `log_alpha` [1] requires a gradient. The target is used as given.
     ActorCriticState(Network network_, Network target_, torch::Tensor log_alpha_,
                      const AdamConfig& adam_config)
         : network(std::move(network_)),
@@ -69,8 +69,8 @@ struct ActorCriticState {
           adam(parameters, adam_config),
           alpha_adam({log_alpha}, adam_config) {}
 
-    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device; an
-    /// alpha of 1.
+    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device; alpha
+    /// is 1.
     template <std::derived_from<ActorCriticSettings> Config>
     ActorCriticState(const Config& settings, const AgentSpec& spec)
         : ActorCriticState(
@@ -81,14 +81,13 @@ struct ActorCriticState {
     }
 
     /// One gradient step on `losses`, J_Q without the factor 1/2, J_pi and J_alpha, [] each; then the target
-    /// follows by `tau`. Where J_pi and J_alpha are undefined, on the critics alone: see Adam::delay().
-    /// Afterwards the losses are without their graphs. The gradients stay in the parameters until the next
-    /// call.
+    /// moves by `tau`. Where J_pi and J_alpha are undefined, only the critics are updated: see Adam::delay().
+    /// Detaches the losses from their graphs. The gradients stay in the parameters until the next call.
     template <class Losses>
     void step(Losses& losses, double tau) {
         adam.zero_grad();
         alpha_adam.zero_grad();
-        // The lists say where each gradient ends: the actor's loss leaves the critics alone.
+        // The lists restrict each gradient: the actor's loss does not change the critics.
         (0.5 * losses.critic).backward({}, /*keep_graph=*/false, /*create_graph=*/false, critic);
         const bool with_actor = losses.actor.defined();
         if (with_actor) {
@@ -122,8 +121,8 @@ struct ActorCriticState {
             {"losses/entropy", mean(losses.entropy)},  {"losses/alpha", std::exp(mean(log_alpha.detach()))}};
     }
 
-    Network network, target;  // the one that acts, and the one that values what follows
-    torch::Tensor log_alpha;  // [1] of the temperature
+    Network network, target;                                   // online (acts); target (values next states)
+    torch::Tensor log_alpha;                                   // [1] of the temperature
     std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
     std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them
     Adam adam, alpha_adam;                                     // of the network, of log_alpha

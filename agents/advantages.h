@@ -1,4 +1,4 @@
-// How much better than expected the steps of a rollout went.
+// Generalised advantage estimation over a rollout.
 #pragma once
 
 #include <torch/types.h>

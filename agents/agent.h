@@ -1,4 +1,4 @@
-// What the training loop knows of an algorithm.
+// The interface between the training loop and an algorithm.
 #pragma once
 
 #include <cstdint>
@@ -40,14 +40,13 @@ struct AgentSpec {
     ObservationSpace observation = {};            // what the agent sees
     std::int64_t total_steps = 0;        // agent steps of the whole run, for schedules that end with it
     bool overlap = false;                // the environments step while the agent learns
-    std::uint64_t seed = 1;              // all that is random in the agent follows from it
+    std::uint64_t seed = 1;              // seeds all randomness of the agent
     torch::Device device = torch::kCPU;  // where the networks are
-    /// That train this agent together, each with num_envs environments. Null: this one alone.
+    /// The processes that train this agent together, each with num_envs environments. Null: a single process.
     const ProcessGroup* processes = nullptr;
 };
 
-/// Throw std::invalid_argument that says which action_space the agent called `who` needs, if it is not
-/// that of the world.
+/// Throws std::invalid_argument unless the world has the action space that the agent called `who` needs.
 void require_continuous(std::string_view who, const AgentSpec& spec);
 /// See require_continuous().
 void require_discrete(std::string_view who, const AgentSpec& spec);
@@ -56,7 +55,7 @@ void require_discrete(std::string_view who, const AgentSpec& spec);
 void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,
                      const torch::Tensor& action);
 
-/// One agent step of N environments. The spans need to live only during the call.
+/// One agent step of N environments. The spans must be valid only during the call.
 struct StepBatch {
     std::span<const std::uint8_t> frames;        // N newest frames: those the actions were chosen on
     torch::Tensor actions;                       // what act() returned
@@ -67,7 +66,7 @@ struct StepBatch {
 /// Returns the shape of an observation: [stack, rows, columns], or [stack, bytes] where it is no image.
 std::vector<std::int64_t> observation_shape(const AgentSpec& spec);
 
-/// What is stored of an agent so that others can act as it does in its evaluations: docs/policy_file.md.
+/// What a policy file stores of an agent, so that it acts as in the agent's evaluations: docs/policy_file.md.
 struct AgentPolicy {
     NetworkSpec network;   // the half that acts
     TensorMap weights;     // by the names of parameter_shapes(network), float32 on the CPU
@@ -75,47 +74,46 @@ struct AgentPolicy {
     double epsilon = 0;    // probability of a uniform action
 };
 
-/// Returns that of a network with a member `acting`, such as SacNetwork.
+/// Returns the policy of a network with a member `acting`, such as SacNetwork.
 template <class Network>
 AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {
     return {network->acting, policy_weights(network->acting, *network), samples, epsilon};
 }
 
-/// With the noise of training, or as evaluations do it.
+/// With exploration (train), or as in evaluations (evaluate).
 enum class ActMode { train, evaluate };
 
-/// The order of calls, in the paper's strict rhythm:  update, act, (environment), observe.
+/// The order of calls, as in the paper: update, act, (environment step), observe.
 class Agent {
   public:
     virtual ~Agent() = default;
 
-    /// Chooses one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
+    /// Returns one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
-    /// Records what followed. Called once per agent step.
+    /// Records the outcome of the actions. Called once per agent step.
     virtual void observe(const StepBatch& batch) = 0;
 
-    /// Called once before every decision with the observations that it will be made on: the agent
-    /// updates itself when its own rhythm says so. Returns whether it did.
+    /// Updates the agent if an update is due. Called once before every decision, with the observations that
+    /// it is made on. Returns whether an update was made.
     virtual bool update(const torch::Tensor& observations) = 0;
 
-    /// What of the time inside update() and observe() was the replay's: its parts `replay` and `transfer`.
+    /// Returns the time that update() and observe() spent in the replay: the parts `replay` and `transfer`.
     virtual TimeSplit memory_time() const { return {}; }
 
     /// Named scalars of the newest update and the current schedules: name -> value,
     /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.
     virtual std::map<std::string, double> metrics() = 0;
 
-    /// Everything that the future of this agent depends on but for the replay's contents; a rollout under way
-    /// is part of it. All processes of a run call it together, and what the first one gets is that of all.
+    /// Returns the agent's complete state except for the replay's contents; an unfinished rollout is
+    /// included. All processes of a run must call it together; the first one receives the state of all.
     virtual TensorMap state() = 0;
     /// Throws std::runtime_error, and changes nothing, for the state of another agent or configuration.
     virtual void load_state(const TensorMap& state) = 0;
-    /// Returns the policy as it is now, for the policy file of a checkpoint; none: this agent cannot be
+    /// Returns the current policy, for the policy file of a checkpoint; nullopt if this agent cannot be
     /// exported.
     virtual std::optional<AgentPolicy> policy() const { return std::nullopt; }
-    /// The replay that it learns from, whose contents a checkpoint holds beside state(); null where it has
-    /// none.
+    /// Returns the agent's replay, whose contents a checkpoint stores beside state(); null if it has none.
     virtual Replay* replay() { return nullptr; }
 };
 

@@ -58,7 +58,7 @@ void fields(DerConfig& config, Visit&& visit) {
           "beta of the importance weights: probability to minus this power, over the batch's largest");
 }
 
-/// The returns that `num_atoms` atoms stand for: evenly from -limit to limit, [atoms].
+/// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].
 torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
 
 /// C51's projection (its algorithm 1): a distribution [B, atoms] over the returns `returns` [B, atoms] as
@@ -74,7 +74,7 @@ struct DerNoise {
     QNoise online, target;  // for the loss; at the next state
 };
 
-/// The first carries a gradient.
+/// Only `loss` carries a gradient.
 struct DerLosses {
     torch::Tensor loss;            // [] mean of weight x loss
     torch::Tensor per_transition;  // [B] cross-entropy, or squared error if not distributional
@@ -88,7 +88,7 @@ struct DerLosses {
 DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
                      const torch::Tensor& loss_weights, const DerNoise& noise, const DerConfig& config);
 
-/// One gradient step. Returns the losses before it, without their graph.
+/// Makes one gradient step. Returns the losses before it, detached.
 DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config);
 

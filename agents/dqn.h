@@ -17,7 +17,7 @@
 
 namespace cale {
 
-/// Of an error e: e^2, or linear beyond 1.
+/// The loss of an error e: e^2 (mse), or linear beyond 1 (huber).
 enum class ValueLoss { mse, huber };
 std::span<const std::string_view> names_of(ValueLoss);
 
@@ -47,14 +47,14 @@ struct DqnLosses {
 /// batch does not fit together.
 DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, const DqnConfig& config);
 
-/// One gradient step. Returns the losses before it, without their graph.
+/// Makes one gradient step. Returns the losses before it, detached.
 DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config);
 
 /// Tags: losses/{td_loss, q_values}, charts/{learning_rate, epsilon}.
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec);
-/// Returns how its network represents action values: plainly.
+/// Returns the network's head: one value per action.
 inline QHeadConfig head_of(const DqnConfig&) {
     return {};
 }

@@ -1,4 +1,4 @@
-// The environments that are one process's among those of all, and what of a rollout belongs to them.
+// One process's share of the environments of all processes, and the matching part of a rollout.
 #pragma once
 
 #include <cstdint>
@@ -8,25 +8,27 @@
 
 namespace cale {
 
-/// The environments first, ..., first + count - 1 of `all`. Whatever is drawn for environments is drawn for
-/// all of them in every process, so that no draw depends on how many processes there are.
+/// The environments first, ..., first + count - 1 of `all`. Every process draws the random numbers of all
+/// environments, so that no draw depends on the number of processes.
 struct EnvShare {
-    /// Of the process that the spec is for.
+    /// The share of the process that the spec is for.
     explicit EnvShare(const AgentSpec& spec);
-    /// All of `count`.
+    /// All `count` environments: a single process.
     explicit EnvShare(std::int64_t count_) : count(count_), all(count_) {}
 
-    /// The own rows of a tensor [all, ...].
+    /// Returns this process's rows of a tensor [all, ...].
     torch::Tensor own(const torch::Tensor& global) const;
-    /// A tensor [all, ...] in which `own` [count, ...] is in its place, and `filler` elsewhere.
+    /// Returns a tensor [all, ...] with `own` [count, ...] in this process's rows and `filler` in the others.
     torch::Tensor among_all(const torch::Tensor& own, double filler) const;
-    /// Of numbers of rows [any] in T x `all` those that are own, as numbers of rows in T x `count`.
+    /// Returns those of the row indices [any] into T x `all` that are this process's, as indices into T x
+    /// `count`.
     torch::Tensor own_rows(const torch::Tensor& rows) const;
 
     std::int64_t first = 0, count, all;
 };
 
-/// Rollout::state() of every process, by rank, as that of one process with all the environments. None: none.
+/// Merges Rollout::state() of every process, by rank, into that of one process with all environments. Empty
+/// in, empty out.
 TensorMap joined_rollouts(const std::vector<TensorMap>& shares);
 
 /// The share of such a state. Throws std::runtime_error where it lacks a part or has another number of

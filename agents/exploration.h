@@ -1,4 +1,4 @@
-// How agents leave the path they know: epsilon-greedy over sets of actions and over boxes.
+// Exploration: epsilon-greedy for discrete and box actions.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace cale {
 
-/// By the policy's own noise, or by uniform actions with probability epsilon.
+/// Exploration by the policy's own noise, or by uniform actions with probability epsilon.
 enum class Exploration { standard, epsilon_greedy };
 std::span<const std::string_view> names_of(Exploration);
 

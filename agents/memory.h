@@ -1,4 +1,4 @@
-// How much memory an agent takes, known before it is made.
+// The memory that an agent needs, computed before it is constructed.
 #pragma once
 
 #include <cstdint>
@@ -11,16 +11,16 @@
 
 namespace cale {
 
-/// A network and what is kept beside it.
+/// The memory of a network and its target.
 struct NetworkMemory {
     std::int64_t parameters;    // bytes of the network's parameters
-    bool target;                // whether a target of the same size is kept
-    std::string_view settings;  // which make it smaller, for the sentence
+    bool target;                // whether there is a target of the same size
+    std::string_view settings;  // that reduce its size, for the error message
 };
 
-/// Bytes of `available` that are left for the rest of the agent: the parameters, their gradients, Adam's two
-/// moments and the target are subtracted, and the copies of them that a checkpoint is written from. On
-/// another device than the CPU the copies alone count. Throws std::runtime_error, naming both figures and the
+/// Returns the bytes of `available` that remain for the rest of the agent, after the parameters, their
+/// gradients, Adam's two moments, the target, and the copies of them that a checkpoint is written from. On a
+/// device other than the CPU only the copies count. Throws std::runtime_error, naming both figures and the
 /// settings to lower, where they do not fit.
 std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available);
 
@@ -38,8 +38,7 @@ void check_memory(const Config& config, const AgentSpec& spec, std::int64_t avai
                  memory_beside(networks, spec, available));
 }
 
-/// Throws std::runtime_error with the sentence of memory that does not suffice: `what` needs `needed` bytes,
-/// and the way out.
+/// Throws std::runtime_error for insufficient memory: `what` needs `needed` bytes, and how to reduce that.
 [[noreturn]] void refuse_memory(std::string_view what, std::int64_t needed, std::int64_t available,
                                 std::string_view way_out);
 

@@ -1,4 +1,4 @@
-// What a user chooses of the networks of SAC, SAC-D and PPO.
+// The network settings of SAC, SAC-D and PPO.
 #pragma once
 
 #include <cstdint>
@@ -10,18 +10,18 @@
 
 namespace cale {
 
-/// Settings of an encoder and of the heads on it.
+/// Settings of an encoder and of its heads.
 struct NetworkSettings {
     EncoderKind encoder = EncoderKind::phi_sac;
     PhiDqn phi_dqn = PhiDqn::conv2d;
     std::int64_t hidden_layers = 1;
     std::int64_t hidden_units = 512;
 
-    /// The encoder for this world.
+    /// Returns the encoder's configuration for this world.
     EncoderConfig encoder_for(const AgentSpec& spec) const {
         return {encoder, phi_dqn, observation_shape(spec)};
     }
-    /// The actor and every critic.
+    /// Returns the configuration of the actor and of every critic.
     HeadConfig head() const { return {hidden_layers, hidden_units}; }
 };
 

@@ -1,6 +1,6 @@
-// What every agent that learns from a replay has in common: it fills the replay, acts on a schedule of
-// exploration, updates at fixed intervals, and is saved and restored.
-// What is learned, and how actions follow from it, is the algorithm's: agents/{sac,sacd,dqn,der}.cpp.
+// The common part of every agent with a replay: filling it, the exploration schedule, updates at fixed
+// intervals, saving and restoring. Losses and action selection are the algorithm's:
+// agents/{sac,sacd,dqn,der}.cpp.
 #pragma once
 
 #include <cstdint>
@@ -62,10 +62,10 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
 }
 
-/// Returns the replay that an agent with these settings has.
+/// Returns the replay's configuration for these settings.
 ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised);
 
-/// The replay of an agent, the count of its decisions, and the schedules that follow from that count.
+/// The replay of an agent, its decision counter, and the schedules that depend on the counter.
 class AgentReplay {
   public:
     /// Throws as ReplayBuffer does.
@@ -74,7 +74,7 @@ class AgentReplay {
     /// Stores one step of every environment. Throws std::invalid_argument for other counts and for a reward
     /// that is not finite.
     void record(const StepBatch& batch);
-    /// Whether more than min_replay transitions have been stored, so that updates may begin.
+    /// Returns whether more than min_replay transitions have been stored, so that updates may begin.
     bool ready() const;
 
     /// Counts the next decision of each environment.
@@ -94,7 +94,7 @@ class AgentReplay {
 
     /// Returns the time spent in record() and sample() so far.
     const TimeSplit& time() const { return time_; }
-    /// Adds the generator and the counter. The contents are those of buffer().
+    /// Adds the generator and the counter. The contents are saved through buffer().
     void add_state(StateParts& parts);
     Replay& buffer() { return *buffer_; }  // what is stored
 
@@ -102,7 +102,7 @@ class AgentReplay {
     ReplaySettings settings_;
     AgentSpec spec_;
     std::unique_ptr<Replay> buffer_;
-    Batch sampled_;    // filled anew by every sample()
+    Batch sampled_;    // overwritten by every sample()
     Batch on_device_;  // its copy there, unless the device is the CPU
     c10::Event copied_;
     std::mt19937_64 random_;
@@ -114,13 +114,13 @@ class AgentReplay {
 /// action has another shape than `action`.
 void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArrayRef action);
 
-/// Returns the generator of an agent's initial parameters. Called twice, it makes the same network twice, so
-/// that a target starts equal to its network.
+/// Returns the generator of an agent's initial parameters. Every call returns the same stream, so that a
+/// target starts equal to its network.
 at::Generator initial_values(const AgentSpec& spec);
 
 /// The random streams of an agent beside those of its replay and of its initial parameters.
 struct RandomStreams {
-    /// Follow from the spec's seed. `draws_in_updates`: whether gradient steps draw.
+    /// Seeded by the spec's seed. `draws_in_updates`: whether gradient steps draw random numbers.
     RandomStreams(const AgentSpec& spec, bool draws_in_updates);
     /// Adds random/acting, random/evaluation, and random/update_noise where updates draw.
     void add_state(StateParts& parts);
@@ -131,11 +131,11 @@ struct RandomStreams {
     at::Generator updates;             // on the agent's device; undefined where updates draw nothing
 };
 
-/// Returns the values' target y [B] for the value [B] of what follows: the scaled n-step return and the
-/// discounted value.
+/// Returns the value target y [B] for the next states' values [B]: scaled n-step return plus discounted
+/// value.
 torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
 
-/// See AgentSpec. Throws std::invalid_argument for a world without the actions that the agent is for.
+/// See AgentSpec. Throws std::invalid_argument for a world with the wrong kind of actions.
 template <class Config>
 requires requires {
     Config::kName;
@@ -151,7 +151,7 @@ bool is_prioritised(const Config& config) {
     return false;
 }
 
-/// What an algorithm knows of the run when it acts.
+/// The context in which an algorithm acts.
 struct Acting {
     ActMode mode;          // with exploration, or as evaluations act
     double epsilon;        // in training the schedule's, 1 during the warm-up; in evaluation epsilon_eval
@@ -237,7 +237,7 @@ class OffPolicy final : public Agent {
     Replay* replay() override { return &replay_.buffer(); }
 
   private:
-    /// None: the algorithm explores by its own noise.
+    /// None if the algorithm explores by its own noise.
     std::optional<double> exploration_epsilon() const {
         const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
         if constexpr (requires { algorithm_.config.exploration; })
@@ -286,12 +286,12 @@ class OffPolicy final : public Agent {
     Algorithm algorithm_;
     AgentReplay replay_;
     RandomStreams random_;
-    CapturedUpdate gradient_step_, critics_step_;       // of everything; of all but a delayed actor
-    std::int64_t gradient_steps_ = 0;                   // a part of the state where an actor is delayed
-    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step of everything
+    CapturedUpdate gradient_step_, critics_step_;       // with the actor; without a delayed actor
+    std::int64_t gradient_steps_ = 0;                   // saved where the actor is delayed
+    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step with the actor
 };
 
-/// Returns the agent that `Algorithm` makes of a replay. Throws as check_settings() and its constructor do.
+/// Returns the agent for `Algorithm`. Throws as check_settings() and its constructor do.
 template <class Algorithm>
 std::unique_ptr<Agent> off_policy(const typename Algorithm::Config& config, const AgentSpec& spec) {
     if constexpr (requires { check_settings(config, spec); }) check_settings(config, spec);

@@ -1,6 +1,5 @@
-// What every agent that learns from its own newest steps has in common: it fills a rollout, acts by its
-// policy, learns from the rollout in minibatches, and is saved and restored.
-// What is minimised is the algorithm's: agents/ppo.cpp.
+// The common part of every on-policy agent: filling a rollout, acting, learning from the rollout in
+// minibatches, saving and restoring. The losses are the algorithm's: agents/ppo.cpp.
 #pragma once
 
 #include <cstdint>
@@ -26,14 +25,14 @@ namespace cale {
 
 /// How an epoch is divided: see OnPolicySettings::minibatches.
 enum class Minibatches { shuffled, contiguous };
-/// What is seen after an update: see OnPolicySettings::stack_after_update.
+/// The observation after an update: see OnPolicySettings::stack_after_update.
 enum class StackAfterUpdate { correct, repeated };
 std::span<const std::string_view> names_of(Minibatches);
 std::span<const std::string_view> names_of(StackAfterUpdate);
 
 /// The defaults are CALE's for 200 million frames.
 struct OnPolicySettings {
-    static constexpr bool kSeveralProcesses = true;  // see experiment/program.h
+    static constexpr bool kSeveralProcesses = true;  // see train/program.h
 
     NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};
     Torso torso = Torso::two_branch;
@@ -98,30 +97,30 @@ struct RolloutBatch {
     torch::Tensor observation, action;      // what was seen and done
     torch::Tensor old_log_prob, old_value;  // of the actions; of the states
     torch::Tensor advantage, returns;       // GAE; advantage + value
-    std::int64_t global_size = 0;           // steps that a mean divides by: B, and the other processes'
+    std::int64_t global_size = 0;           // the divisor of means: the B of all processes together
 };
 
 /// Returns the batch with its advantages normalised over those of all processes, and with their global_size.
-/// Null: this process alone.
+/// Null: a single process.
 RolloutBatch normalized(RolloutBatch batch, const ProcessGroup* processes = nullptr);
 
-/// What a gradient step changes: a policy and a value, their optimiser, and its learning rate.
+/// The state that a gradient step changes: policy, value, their optimiser, and its learning rate.
 struct OnPolicyState {
     /// `annealed_over`: gradient steps in which the learning rate falls to 0; 0: it is constant.
     OnPolicyState(PpoNetwork network, std::int64_t annealed_over, const OnPolicySettings& settings);
 
-    /// Counts a gradient step and sets the learning rate that it has.
+    /// Counts a gradient step and sets its learning rate.
     void anneal();
-    /// One step along the gradient of `loss` [], which afterwards is without its graph. Of several processes,
-    /// along the sum of their gradients.
+    /// Makes one gradient step on `loss` [] and detaches it. With several processes, steps along the sum of
+    /// their gradients.
     void step(torch::Tensor& loss, const ProcessGroup* processes = nullptr);
 
-    PpoNetwork network;                              // acts too
+    PpoNetwork network;                              // also acts
     std::vector<torch::Tensor> parameters;           // the network's
     Adam adam;                                       // their optimiser
     double learning_rate;                            // at the start
-    double max_gradient_norm;                        // that gradients are scaled down to
-    std::int64_t annealed_over, gradient_steps = 0;  // the latter made so far
+    double max_gradient_norm;                        // gradients are scaled down to it
+    std::int64_t annealed_over, gradient_steps = 0;  // gradient_steps: made so far
 };
 
 /// The losses of a batch as prepared by normalized(), [] each: the first carries a gradient and is minimised.
@@ -132,17 +131,17 @@ using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, con
 /// mean_fire}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/....
-/// Several processes do together what one would do with all their environments: they draw the same random
-/// numbers, each uses those of its environments, and the sums of their gradients are applied everywhere.
-/// Throws as check_settings() does.
+/// Several processes together are equivalent to one with all their environments: all draw the same random
+/// numbers, each uses those of its environments, and every process applies the sum of the gradients. Throws
+/// as check_settings() does.
 std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSpec& spec,
                                  OnPolicyLosses losses, const std::vector<std::string>& names);
 
 /// See AgentSpec. Throws std::invalid_argument where rollout_steps is no multiple of the number of
-/// environments, of all processes, or of minibatch_size; for several environments with an option that is for
-/// one; and where environments are to step while it learns.
+/// environments, of all processes, or of minibatch_size; for several environments with an option that
+/// requires one; and for environments that step during updates.
 void check_settings(const OnPolicySettings& settings, const AgentSpec& spec);
-/// See AgentSpec: the learning rate's, unless anneal_steps are given.
+/// See AgentSpec: the learning rate's schedule, unless anneal_steps is set.
 std::string_view schedule_over_run(const OnPolicySettings& settings);
 /// See AgentSpec. Names what is too large and the settings to lower.
 void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available);

@@ -43,8 +43,8 @@ struct PpoLosses {
 /// std::invalid_argument, naming both shapes, where the minibatch does not fit together.
 PpoLosses ppo_losses(PpoNetwork& network, const RolloutBatch& minibatch, const PpoConfig& config);
 
-/// One gradient step at the learning rate that is due, on normalised advantages. Returns the losses before
-/// it, without their graph.
+/// Makes one gradient step at the scheduled learning rate, on normalised advantages. Returns the losses
+/// before it, detached.
 PpoLosses ppo_update(OnPolicyState& state, const RolloutBatch& minibatch, const PpoConfig& config);
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac}, and those of on_policy(), as

@@ -1,4 +1,4 @@
-// What DQN and DER have in common: their settings, and what a gradient step changes.
+// The settings that DQN and DER share, and the state that a gradient step changes.
 #pragma once
 
 #include <concepts>

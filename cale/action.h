@@ -41,7 +41,7 @@ std::string_view event_name(Event event);
 enum class EventMap { symmetric, ale_0_10 };
 std::span<const std::string_view> names_of(EventMap);
 
-/// What the joystick is asked to do.
+/// An action of the continuous joystick.
 struct ContinuousAction {
     float radius = 0;  // [0, 1]
     float theta = 0;   // [-pi, pi], counter-clockwise, 0 points right

@@ -1,4 +1,4 @@
-// One Atari 2600 with one game in it: the Arcade Learning Environment behind a wall.
+// One Atari 2600 with one game: a wrapper of the Arcade Learning Environment.
 // emulator.cpp is the only file of this project that includes ALE.
 #pragma once
 
@@ -23,38 +23,37 @@ class Emulator {
   public:
     /// Loads the game and, as ALE does, resets it once. `sticky_probability` is the chance that
     /// a frame repeats the action of the frame before (Machado et al. 2018). ALE draws it, with
-    /// `random_seed` = `seed` and `repeat_action_probability` = `sticky_probability`; the seed
-    /// 2^32-1, which ALE would replace by the time, is taken for 2^32-2.
-    /// Throws std::runtime_error for a file that is not this game's ROM, naming both, and
-    /// std::invalid_argument for Double Dunk with a sticky_probability above 0.99: its menu could not be
-    /// worked.
+    /// `random_seed` = `seed` and `repeat_action_probability` = `sticky_probability`; the seed 2^32-1, which
+    /// ALE would replace by the time, is replaced by 2^32-2. Throws std::runtime_error for a file that is not
+    /// this game's ROM, naming both, and std::invalid_argument for Double Dunk with a sticky_probability
+    /// above 0.99: its menu could not be operated.
     Emulator(const Game& game, const std::filesystem::path& rom_file, float sticky_probability,
              std::uint32_t seed);
     ~Emulator();
     Emulator(Emulator&&) noexcept;
     Emulator& operator=(Emulator&&) noexcept;
 
-    /// Starts a new game. The menus of Double Dunk and Berzerk are worked with sticky actions too, so
-    /// these two games draw in a reset, and Double Dunk's takes a varying number of frames.
+    /// Starts a new game. The menus of Double Dunk and Berzerk are operated with sticky actions too, so these
+    /// two games draw in a reset, and Double Dunk's takes a varying number of frames.
     void reset();
     /// One frame, 1/60 s. `strength`, 0 to 1, scales how far a paddle moves (Pong, Breakout) and
     /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
     int act(Event event, float strength);
 
-    /// All that what follows a reset() depends on, as bytes: the console, the score keeping, the generator
-    /// of the sticky actions.
+    /// Returns the state needed to reproduce everything after reset(), as bytes: the console, the score, the
+    /// generator of the sticky actions.
     std::string state() const;
-    /// Continues where state() was, from the reset() on that must come next. It sets what ALE 0.12.1 leaves
-    /// out of its own state: whether the last frame was cut short, and the action that would stick.
-    /// Throws std::runtime_error, and leaves the emulator unusable, for bytes that are no such state.
+    /// Restores what state() returned; reset() must be called next. Includes what ALE 0.12.1 omits from its
+    /// own state: whether the last frame was cut short, and the previous action, which would stick. Throws
+    /// std::runtime_error, and leaves the emulator unusable, for invalid bytes.
     void restore(const std::string& state);
 
     bool game_over() const;  // until reset()
     int lives() const;       // 0 in games that have none
-    /// Frames acted since the ROM was loaded, and since the game began. Of the frames that a
-    /// reset takes, only those count in which a few games' menus are worked.
+    /// Frames acted since the ROM was loaded, and since the game began. Of the frames of a reset, only those
+    /// count in which a few games' menus are operated.
     std::int64_t frame_number() const;
-    std::int64_t episode_frame_number() const;  // likewise, since the game began
+    std::int64_t episode_frame_number() const;  // since the game began
     std::span<const std::uint8_t> ram() const;  // the console's 128 bytes
 
     int screen_height() const;  // rows: 210 in nearly all games

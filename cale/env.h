@@ -22,7 +22,7 @@ namespace cale {
 
 inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
 
-/// What step() takes: the joystick (r, theta, fire), or an index into the game's minimal or the full set of
+/// The kind of actions: the joystick (r, theta, fire), or an index into the game's minimal or the full set of
 /// events.
 enum class ActionSet { continuous, minimal, full };
 /// How far a paddle moves: as the paper has it, always all the way; or scaled by r, as ale-py does.
@@ -87,22 +87,23 @@ EnvConfig protocol_200m(std::string game);
 /// Atari 100k: no sticky actions, a lost life ends the agent's episode.
 EnvConfig protocol_atari100k(std::string game);
 
-/// Returns what the settings alone say of the action space: of a game's own set, not how many there are (18).
+/// Returns the action space as far as the settings alone determine it: a game's minimal set counts as 18
+/// actions.
 ActionSpace action_space(const EnvConfig& config);
-/// Returns what an agent sees: four frames {84, 84}, or four times the bytes of memory {128}.
+/// Returns the observation space: four frames {84, 84}, or four times the bytes of memory {128}.
 ObservationSpace observation_space(const EnvConfig& config);
 
-/// The ROM of `game` in `rom_dir`; if that is empty, in the first that has it of the folder
-/// named by ALE_ROMS_DIR and the `roms` folder of scripts/setup. Throws std::runtime_error that
-/// names the file, every folder searched and the way out.
+/// The ROM of `game` in `rom_dir`; if that is empty, in the folder named by ALE_ROMS_DIR, else in the `roms`
+/// folder of scripts/setup. Throws std::runtime_error that names the file, every folder searched and the
+/// remedy.
 std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir);
 
-/// How a game began and what was done in it since: enough to be there again, exactly. (A state of the
-/// emulator is not: in ALE 0.12.1 it lacks a field without which Q*bert goes another way.)
+/// A game's start and its actions since: sufficient to restore it exactly. (An emulator state is not: in ALE
+/// 0.12.1 it lacks a field without which Q*bert diverges.)
 struct GameRecord {
     std::string start;             // the emulator and the generators before the game's reset
-    std::vector<Event> events;     // what the joystick was asked to do, agent step by agent step
-    std::vector<float> strengths;  // with which strength of the paddle
+    std::vector<Event> events;     // the joystick event of each agent step
+    std::vector<float> strengths;  // the paddle's strength in each agent step
 };
 
 /// One game. Different environments may be used on different threads at the same time; one of them by one
@@ -130,12 +131,12 @@ class Env {
     /// The same with an index into actions(). Throws std::out_of_range.
     StepResult step(std::int64_t action, std::span<std::uint8_t> observation);
 
-    /// The game under way; empty before the first reset().
+    /// Returns the record of the current game; empty before the first reset().
     const GameRecord& record() const;
-    /// Plays a recorded game again and goes on as the environment would that it is of, which must have had
-    /// the same configuration. Takes as long as the game's emulation did, 108,000 frames about 15 s. The
-    /// newest observation is not written: the caller has it. Throws std::runtime_error, and needs a reset()
-    /// then, for a record that is damaged or another game's.
+    /// Replays a recorded game and then continues exactly as the environment that recorded it, which must
+    /// have had the same configuration. Takes as long as the game's emulation: about 15 s for 108,000 frames.
+    /// Does not write the newest observation, which the caller must have saved. Throws std::runtime_error for
+    /// a record that is damaged or of another game; reset() must then be called.
     void resume(const GameRecord& record);
 
     /// The discrete action set: empty where the action space is continuous.

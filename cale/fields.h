@@ -1,4 +1,4 @@
-// How a configuration struct tells the rest of the program what it consists of.
+// How a configuration struct describes its members to the rest of the program.
 //
 // Every configuration struct has one function beside it,
 //

@@ -1,5 +1,5 @@
-// From the emulator's screens to what an agent sees: the brighter of two screens, in gray,
-// 84x84 (Mnih et al. 2015), bit for bit as Dopamine makes them with OpenCV, and stacks of them.
+// Turns the emulator's screens into observations: the pixelwise maximum of two screens, in gray, 84x84 (Mnih
+// et al. 2015), bit for bit as Dopamine makes them with OpenCV, and stacks of them.
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@ class FramePipeline {
     /// Throws std::invalid_argument if index 0 is not black or there are fewer rows than in a frame.
     FramePipeline(int screen_height, const std::array<std::uint8_t, 256>& gray);
 
-    /// A game has begun: its first screen, pooled with black.
+    /// Must be called with the first screen of a game, which is pooled with black.
     void start(std::span<const std::uint8_t> screen);
     /// The last screen but one of a step, and the last.
     void set_first(std::span<const std::uint8_t> screen) { set(0, screen); }
@@ -82,12 +82,12 @@ class FrameStack {
     /// Drops the oldest frame of an environment and appends `frame`.
     /// Throws std::invalid_argument for a frame of another size, std::out_of_range for `env`.
     void push(std::size_t env, std::span<const std::uint8_t> frame);
-    /// An episode begins: the environment's stack becomes all zero.
+    /// Sets the environment's stack to zero. Must be called when an episode begins.
     void clear(std::size_t env);
 
     /// num_envs x depth x frame_size bytes.
     std::span<const std::uint8_t> data() const { return data_; }
-    /// Makes them these. Throws std::invalid_argument for another number.
+    /// Replaces the contents. Throws std::invalid_argument for another size.
     void assign(std::span<const std::uint8_t> data);
 
   private:

@@ -1,7 +1,7 @@
-// What random play on the continuous joystick scores, game by game: the floor of everything that is played
-// with it. The published random scores (Game::random_score) are those of the discrete joystick, where every
-// event is equally likely; a uniformly random (r, theta, fire) leaves the stick in its centre more than half
-// of the time.
+// Scores of random play on the continuous joystick, by game: the baseline of everything that is played with
+// it. The published random scores (Game::random_score) are those of the discrete joystick, where every event
+// is equally likely; a uniformly random (r, theta, fire) leaves the stick in its centre more than half of the
+// time.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ std::span<const RandomPlay> joystick_random_scores();
 const RandomPlay& joystick_random(std::string_view game, std::string_view protocol);
 
 /// The measurement that a run in this environment compares with: "200m" at sticky probability 0.25,
-/// "atari100k" at 0. None for discrete actions, whose floor is Game::random_score, and for a joystick or
+/// "atari100k" at 0. None for discrete actions, whose baseline is Game::random_score, and for a joystick or
 /// rules that were not measured: another threshold, event map, frame skip or stickiness, paddles scaled by r
 /// in Pong and Breakout, games cut off before 100,000 frames or after 108,000. Whether a lost life ends the
 /// agent's episode does not matter to whole games.

@@ -1,4 +1,4 @@
-// What reading names and tables needs of text.
+// Text functions for reading names and tables.
 #pragma once
 
 #include <charconv>
@@ -11,10 +11,10 @@
 
 namespace cale {
 
-/// The parts between the separators: one more than there are separators, of which any may be empty.
+/// Returns the parts between the separators: one more than there are separators; any may be empty.
 std::vector<std::string> split(std::string_view text, char separator);
 
-/// The number that all of the text is; none if it is anything else, or does not fit.
+/// Returns the number that the whole text represents; none if it is not a number, or does not fit.
 template <class Number>
 std::optional<Number> number_in(std::string_view text) {
     Number number{};
@@ -24,12 +24,12 @@ std::optional<Number> number_in(std::string_view text) {
     return number;
 }
 
-/// The text as one line that a terminal shows and does not obey: control characters (C0, DEL, C1) and bytes
-/// that are not UTF-8 are written as \x1b. For whatever is quoted from a file.
+/// Returns the text as one line without terminal control sequences: control characters (C0, DEL, C1) and
+/// bytes that are not UTF-8 are written as \x1b. For any text quoted from a file.
 std::string printable(std::string_view text);
 
-/// How many mistakes apart two words are: letters put in, left out, replaced, or swapped with their neighbour
-/// (optimal string alignment).
+/// Returns the edit distance of two words: letters inserted, deleted, replaced, or swapped with their
+/// neighbour (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
 }  // namespace cale

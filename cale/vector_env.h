@@ -17,12 +17,12 @@
 
 namespace cale {
 
-/// Every environment has a thread, which another one helps when it is done with its own. Results come in the
-/// order of the environments and do not depend on who stepped them. An environment whose episode ended is
-/// reset within the same step.
+/// Environments are distributed over threads; a thread that has finished its own helps another. Results are
+/// in the order of the environments and do not depend on which thread stepped them. An environment whose
+/// episode ended is reset within the same step.
 ///
-/// All memory is the caller's, who may use the same in every step, and no step allocates any but those in
-/// which an episode ends. One thread at a time may call an object.
+/// All memory is the caller's and may be reused in every step; only steps in which an episode ends allocate.
+/// Only one thread at a time may call an object.
 class VectorEnv final : public World {
   public:
     /// One seed per environment: config.num_envs of them. Throws as Env does, and std::invalid_argument for
@@ -35,7 +35,7 @@ class VectorEnv final : public World {
     /// How many threads step the environments of such a configuration, the caller's included.
     static std::int64_t threads(const EnvConfig& config);
 
-    /// About how many bytes the environments of such a configuration take, as measured.
+    /// Returns about how many bytes the environments of such a configuration take (measured).
     static std::int64_t memory_needed(const EnvConfig& config);
 
     std::int64_t size() const override;  // how many environments
@@ -60,7 +60,7 @@ class VectorEnv final : public World {
     void step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
     /// The same with indices into actions(), or with vectors (r, theta, fire). Throws std::out_of_range for
-    /// an index that there is not.
+    /// an invalid index.
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override;
 

@@ -20,10 +20,10 @@
 
 namespace cale {
 
-/// What is chosen for N games.
+/// The actions chosen for N games.
 struct Chosen {
     torch::Tensor actions;   // [N, 3] float32, or [N] int64
-    torch::Tensor values{};  // [N] float32, what the chosen actions are worth; undefined where nobody says
+    torch::Tensor values{};  // [N] float32, the values of the chosen actions; undefined if unknown
 };
 
 /// Chooses for N games under way. `observations`: [N, depth, 84, 84] uint8, valid during the call;
@@ -34,8 +34,8 @@ struct EvaluatedGame {
     double episode_return = 0;  // undiscounted, neither clipped nor scaled
     std::int64_t length = 0;    // agent steps
     std::int64_t frames = 0;
-    EventCounts events{};                     // how often each joystick event was asked for
-    std::map<float, std::int64_t> rewards{};  // how often an agent step brought which reward
+    EventCounts events{};                     // how often each joystick event was chosen
+    std::map<float, std::int64_t> rewards{};  // reward of an agent step -> count
 };
 
 struct Evaluation {
@@ -46,12 +46,12 @@ struct Evaluation {
     double standard_deviation = 0;  // of the returns, divided by n
 };
 
-/// Which games are played, and how. What happens in game i follows from `seed` and i alone, whatever
-/// `parallel` is, if what `decide` chooses for a game does.
+/// Which games are played, and how. Game i depends on `seed` and i alone, whatever `parallel` is, provided
+/// that the choices of `decide` for a game do.
 struct EvaluationPlan {
     EnvConfig env{};
     std::int64_t games = 100;
-    /// No game begins once all before it have lasted this many agent steps together.
+    /// No game begins once the games before it total this many agent steps.
     std::int64_t steps = std::numeric_limits<std::int64_t>::max();
     std::int64_t parallel = 1;  // games under way at a time, stepped by LibTorch's threads
     std::uint64_t seed = 1;
@@ -60,9 +60,9 @@ struct EvaluationPlan {
     std::filesystem::path video{};  // an MP4 file of one of the games; empty: none
     std::int64_t filmed_game = 0;
     double film_minutes = 5;  // of the game's time
-    /// Games that were played before, by their numbers: they count, and are not played again.
+    /// Games already played, by number: they are counted and not played again.
     std::map<std::int64_t, EvaluatedGame> known{};
-    /// Called after each game, in the order of their ends.
+    /// Called after each game, in the order in which they end.
     std::function<void(std::int64_t number, const EvaluatedGame&)> ended{};
     std::function<void(std::int64_t steps)> stepped{};  // called after so many agent steps, of all games
 };
@@ -74,16 +74,15 @@ EvaluationPlan fixed_episodes(const EnvConfig& env);
 /// last one to its end; 0.1 % random actions.
 EvaluationPlan fixed_steps(const EnvConfig& env);
 
-/// Returns what an agent sees, [N, stack, ...] uint8: a view that lasts as long as the stack and changes with
-/// it.
+/// Returns the observations, [N, stack, ...] uint8: a view of the stack, valid as long as it.
 torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space);
 
-/// Plays. Every game has an environment of its own. A lost life that ends the agent's episode clears the
-/// stack and does not end the game. Throws what `decide` and the environments throw.
+/// Plays the games, each in its own environment. A lost life that ends the agent's episode clears the stack
+/// and does not end the game. Throws what `decide` and the environments throw.
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
-/// Plays `games` episodes, one after the other, each in a world of its own with a seed that follows from
-/// `seed` and its number. Throws what `decide` and the world throw.
+/// Plays `games` episodes in sequence, each in a new world with a seed derived from `seed` and its number.
+/// Throws what `decide` and the world throw.
 Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games,
                     std::uint64_t seed);
 
@@ -96,7 +95,7 @@ float reward_quantile(const std::map<float, std::int64_t>& rewards, double quant
 /// 101 quantiles (quantile,reward).
 void write_evaluation(const std::filesystem::path& csv, const Evaluation& evaluation);
 
-/// What a set of returns comes to.
+/// Statistics of a set of returns.
 struct ReturnSummary {
     double mean = 0;
     double standard_deviation = 0;  // divided by n

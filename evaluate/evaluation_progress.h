@@ -1,4 +1,4 @@
-// What a console shows of an evaluation while it is under way.
+// The console display of a running evaluation.
 #pragma once
 
 #include <chrono>
@@ -13,8 +13,8 @@ namespace cale {
 /// A bar on a terminal, a line per game elsewhere: games that have ended, their mean return, the time left.
 class EvaluationProgress {
   public:
-    /// Has `plan` call it, so it must outlive the evaluation, and the console must outlive it. `title` comes
-    /// first in all that it shows. The games that the plan knows count as played.
+    /// Sets callbacks of `plan`: it must outlive the evaluation, and the console must outlive it. `title`
+    /// begins every line. The plan's `known` games count as played.
     EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title = "");
     EvaluationProgress(const EvaluationProgress&) = delete;
     EvaluationProgress& operator=(const EvaluationProgress&) = delete;

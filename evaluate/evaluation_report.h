@@ -1,4 +1,4 @@
-// What `cale evaluate` says and writes.
+// The output of `cale evaluate`.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 
 namespace cale {
 
-/// An evaluation that was made, with all that it followed from.
+/// A completed evaluation, with everything that determined it.
 struct EvaluationReport {
     std::string source{};    // the path that the user gave
     std::string protocol{};  // "fixed_episodes" or "fixed_steps"
@@ -19,7 +19,8 @@ struct EvaluationReport {
     const Evaluation& evaluation;
 };
 
-/// For the terminal: who played what and how, the statistics of the returns, and what the joystick did.
+/// Returns the text for the terminal: policy, game and protocol, the statistics of the returns, and the
+/// joystick events.
 std::string evaluation_text(const EvaluationReport& report);
 
 /// Writes `name`.csv, `name`_events.csv and `name`_rewards.csv (write_evaluation), and at last

@@ -1,4 +1,4 @@
-// How often each joystick event was asked for: the source of the paper's figure of action distributions.
+// How often each joystick event was chosen: the data of the paper's figure of action distributions.
 #pragma once
 
 #include <array>

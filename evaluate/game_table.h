@@ -14,12 +14,12 @@ std::string game_table(const std::string& rom_dir, bool atari100k);
 
 /// The same as CSV:
 /// game,rom,atari100k,random_score,human_score,joystick_random_200m,joystick_random_atari100k,
-/// minimal_action_count,minimal_actions,rom_file. The events of the minimal set, with spaces between, are
-/// asked of the emulator: they are empty, as the file is, where the ROM is missing. So are the scores of the
-/// five games that have none.
+/// minimal_action_count,minimal_actions,rom_file. The events of the minimal set, separated by spaces, come
+/// from the emulator: they and the file are empty if the ROM is missing. The scores of the five games that
+/// have none are empty.
 std::string game_csv(const std::string& rom_dir, bool atari100k);
 
-/// All about one game, a line for each, its events among them.
+/// The details of one game, one per line, with its events.
 std::string game_details(const Game& game, const std::string& rom_dir);
 
 }  // namespace cale

@@ -1,4 +1,4 @@
-// A policy file at the joystick: for `cale evaluate` and `cale play`.
+// Playing with a policy file: for `cale evaluate` and `cale play`.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +10,19 @@
 
 namespace cale {
 
-/// Throws std::invalid_argument, saying what to do, where the policy cannot play in such an environment:
-/// another action space, or a game whose actions are others.
+/// Throws std::invalid_argument, with a remedy, if the policy cannot play in this environment: another action
+/// space, or a game with different actions.
 void require_playable(const PolicyInfo& policy, const EnvConfig& env);
 
-/// Has a lost life do to the policy's observations what it did in its training, whatever
-/// env.terminal_on_life_loss is set to: clear the frame stack and cut the agent step short, or neither. No
-/// game ends with a life either way. Returns a sentence for the user where that is not what `env` had; else
-/// nothing.
+/// Makes a lost life affect the policy's observations as in its training, whatever env.terminal_on_life_loss
+/// is set to: either it clears the frame stack and cuts the agent step short, or neither. A lost life never
+/// ends the game. Returns a sentence for the user if this changed `env`, else "".
 std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env);
 
-/// Chooses as the policy does: greedily, or with `sampled` by drawing from it, each game from a generator of
-/// its own that follows from `seed` and the game's number. What it chooses for a game does not depend on the
-/// games beside it: greedy actions are computed eight rows at a time, always, because the sums of a larger or
-/// smaller batch may be rounded in another way.
+/// Returns the policy's choices: greedy, or with `sampled` drawn from it, each game with its own generator
+/// seeded by `seed` and the game's number. The choice for a game does not depend on the other games: greedy
+/// actions are always computed eight rows at a time, because the sums of another batch size may round
+/// differently.
 Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed);
 
 }  // namespace cale

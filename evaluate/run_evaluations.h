@@ -4,7 +4,7 @@
 //     evaluations/fixed_episodes-1a2b3c4d/   named after the protocol and the checksum of protocol.json
 //         protocol.json                      how the games are played
 //         step_000100000.csv, _events.csv, _rewards.csv, .json   of the checkpoint of that agent step
-//         step_000100000.partial             the games that ended so far, until the others have
+//         step_000100000.partial             the games that have ended, until all have
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@
 
 namespace cale {
 
-/// The folders of the runs that lie in `folder`, at any depth, in the order of their names, in which numbers
-/// count as numbers. A run has a config.yaml beside an episodes.csv or checkpoints. A link to a run counts as
-/// one; links to other folders are not followed. Throws std::filesystem::filesystem_error.
+/// Returns the folders of the runs in `folder`, at any depth, sorted by name with numbers compared as
+/// numbers. A run has a config.yaml beside an episodes.csv or checkpoints. A link to a run counts as one;
+/// links to other folders are not followed. Throws std::filesystem::filesystem_error.
 std::vector<std::filesystem::path> run_folders(const std::filesystem::path& folder);
 
-/// What the games of an evaluation follow from, beside the policy and the environment that it was trained in.
+/// Everything that determines an evaluation besides the policy and the environment that it was trained in.
 struct EvaluationProtocol {
     std::string name{};                      // "fixed_episodes"
     std::int64_t games = 0;                  // see EvaluationPlan
@@ -32,7 +32,7 @@ struct EvaluationProtocol {
     double epsilon = 0;                      // the same
     std::optional<std::int64_t> noop_max{};  // none: the environment's
     std::uint64_t seed = 1;                  // of the games
-    std::string choice{};                    // "greedy", "sampled", or "own": as the agent's own evaluations
+    std::string choice{};                    // "greedy", "sampled", or "own": as in the run's own evaluations
     std::map<std::string, std::string>
         settings{};  // of the environment, that are changed: "env.threshold" -> "0.3"
 };
@@ -41,11 +41,11 @@ struct EvaluationProtocol {
 std::filesystem::path evaluations_folder(const std::filesystem::path& run,
                                          const EvaluationProtocol& protocol);
 
-/// Makes that folder, with its protocol.json, unless it is there. Throws std::system_error, and
+/// Makes that folder, with its protocol.json, unless it exists. Throws std::system_error, and
 /// std::runtime_error where the folder holds another protocol.
 void make_evaluations_folder(const std::filesystem::path& folder, const EvaluationProtocol& protocol);
 
-/// What an evaluation came to, as its step_N.json has it.
+/// The result of an evaluation, as stored in its step_N.json.
 struct EvaluationResult {
     std::int64_t agent_steps = 0;  // of the checkpoint
     std::int64_t games = 0;
@@ -55,22 +55,22 @@ struct EvaluationResult {
     std::optional<double> human_normalised{};
 };
 
-/// The finished evaluation of the checkpoint of that agent step in evaluations_folder(); none where there is
-/// none that can be read.
+/// Returns the finished evaluation of the checkpoint of that agent step in evaluations_folder(); none if
+/// there is no readable one.
 std::optional<EvaluationResult> evaluation_result(const std::filesystem::path& folder,
                                                   std::int64_t agent_steps);
 
 /// "step_000100000"
 std::string evaluation_name(std::int64_t agent_steps);
 
-/// A file of games that have ended. A process that is killed leaves all of them but those under way.
+/// A file of the games that have ended. A killed process loses only the unfinished games.
 class PlayedGames {
   public:
-    /// Goes on with the file of an earlier process, if there is one; half a last line is cut off.
-    /// Throws std::runtime_error, here and in write(), where the disk refuses.
+    /// Continues the file of an earlier process, if there is one; an incomplete last line is cut off. Throws
+    /// std::runtime_error, here and in write(), if writing fails.
     explicit PlayedGames(const std::filesystem::path& file);
 
-    /// Those that the file had, by their numbers.
+    /// Returns the games that the file contained, by number.
     const std::map<std::int64_t, EvaluatedGame>& known() const { return known_; }
     void write(std::int64_t number, const EvaluatedGame& game);
 

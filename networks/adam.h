@@ -26,7 +26,7 @@ class Adam {
     /// The parameters must be floating-point leaves of one device and type.
     Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
 
-    /// Lets these of the parameters be left out of a step(); their steps are then counted apart.
+    /// Allows a step() without these parameters; their steps are then counted separately.
     void delay(const std::vector<torch::Tensor>& parameters);
 
     /// One step along the parameters' gradients, which must all be there; without the delayed parameters,

@@ -1,5 +1,5 @@
-// What sits on an encoder's features: multilayer perceptrons, twin critics, and the
-// tanh-squashed Gaussian policy on a box (Haarnoja et al. 2018, "Soft Actor-Critic", appendix C).
+// The networks on an encoder's features: multilayer perceptrons, twin critics, and the tanh-squashed Gaussian
+// policy on a box (Haarnoja et al. 2018, "Soft Actor-Critic", appendix C).
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace cale {
 
-/// A multilayer perceptron but for its inputs and outputs.
+/// The configuration of a multilayer perceptron, except its input and output sizes.
 struct HeadConfig {
     std::int64_t hidden_layers = 1;                 // 0: the output layer alone
     std::int64_t hidden_units = 512;                // of each hidden layer

@@ -20,7 +20,7 @@ namespace cale {
 /// Fills a weight, [out, in] or [out, in, rows, columns], on the CPU.
 using Initialiser = std::function<void(torch::Tensor& weight, at::Generator generator)>;
 
-/// What layers are made with to be counted. Dense ones then have shapes, no values, and take no memory
+/// The initialiser for counting parameters. Dense layers then have shapes but no values, and take no memory
 /// (LibTorch's device "meta"); convolutions, which are small, are zero.
 inline at::Generator no_values() {
     return {};

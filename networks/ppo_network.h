@@ -84,7 +84,7 @@ class PpoNetworkImpl : public torch::nn::Module {
     PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions, at::Generator generator,
                    ActionBox action_box = joystick_box());
 
-    /// What the network says of B observations.
+    /// The network's output for B observations.
     struct Output {
         PpoPolicy policy;     // what to do
         torch::Tensor value;  // [B]

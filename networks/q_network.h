@@ -33,7 +33,7 @@ struct QNoise {
     FactorisedNoise hidden, out, value;  // value: only where dueling
 };
 
-/// Returns what a network of this encoder and this head is made of.
+/// Returns the specification of a network with this encoder and this head.
 NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& encoder,
                         const QHeadConfig& config);
 
@@ -71,7 +71,7 @@ class QHeadImpl : public torch::nn::Module {
 };
 using QHead = torch::nn::ModuleHolder<QHeadImpl>;
 
-/// A trunk, and nothing else.
+/// A trunk without a head.
 class ConvEncoderImpl : public torch::nn::Module {
   public:
     ConvEncoderImpl(const EncoderConfig& config, const at::Generator& generator)

@@ -1,4 +1,4 @@
-// From the keys that are held and the mouse to the continuous joystick.
+// Maps the held keys and the mouse to the continuous joystick.
 #pragma once
 
 #include <optional>
@@ -9,13 +9,13 @@
 
 namespace cale {
 
-/// Where the stick is in its disc: x to the right, y upwards, at most 1 from the middle.
+/// The position of the stick in its disc: x to the right, y upwards, at most 1 from the centre.
 struct Stick {
     double x = 0;
     double y = 0;
 };
 
-/// What the player's hands do.
+/// The state of the player's controls.
 struct Hands {
     bool up = false;
     bool down = false;
@@ -27,10 +27,10 @@ struct Hands {
     std::optional<Stick> pointer{};  // where the mouse holds it; the keys do not count then
 };
 
-/// What a key can ask for beside moving the joystick.
+/// What a key can do besides moving the joystick.
 enum class Command { none, quit, pause, new_game };
 
-/// A key was pressed, or let go. Keys have SDL's names:
+/// Handles a key that was pressed or released. Keys have SDL's names:
 ///   Up, Down, Left, Right; W, S, A, D    the stick
 ///   Space                                fire
 ///   Left Shift, Right Shift              half as far

@@ -1,4 +1,4 @@
-// Games played before somebody's eyes, or by their hands.
+// Games played on the screen, by a policy or by a person.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,16 @@
 
 namespace cale {
 
-/// Where the pictures go, and where the player's wishes come from. Either may be empty.
+/// The output of pictures and the source of the player's commands. Either may be empty.
 struct Stage {
     std::function<void(const Image& picture, const std::string& title)> show{};
-    /// Takes in what the player did since the last call.
+    /// Reads the player's input since the last call.
     std::function<Command(Hands& hands)> poll{};
 };
 
 struct PlayPlan {
     EnvConfig env{};
-    Decide decide{};  // empty: the hands play
+    Decide decide{};  // empty: the player plays
     std::size_t stack_depth = 4;
     std::uint64_t seed = 1;
     std::int64_t games =

@@ -1,4 +1,4 @@
-// A window that shows pictures and listens to keys and mouse.
+// A window that shows pictures and reads keys and mouse.
 #pragma once
 
 #include <memory>
@@ -11,8 +11,8 @@ namespace cale {
 
 class Window {
   public:
-    /// For pictures of width x height pixels; `dial` is where they have their joystick.
-    /// Throws std::runtime_error that says why where there is no display, or this build has no windows.
+    /// For pictures of width x height pixels; `dial` is the position of the joystick in them. Throws
+    /// std::runtime_error with the reason if there is no display, or this build has no windows.
     Window(int width, int height, const Dial& dial);
     ~Window();
     Window(Window&&) noexcept;
@@ -20,8 +20,8 @@ class Window {
 
     /// Throws std::invalid_argument for a picture of another size.
     void show(const Image& picture, const std::string& title);
-    /// Takes in what the player has done since the last call. Returns the last command given;
-    /// closing the window is one to quit.
+    /// Reads the player's input since the last call. Returns the last command; closing the window is
+    /// Command::quit.
     Command poll(Hands& hands);
 
   private:

@@ -19,7 +19,7 @@
 extern "C" {
 #endif
 
-/* Grows when something is added; programs made for an older one go on working. */
+/* Increases when something is added; programs made for an older version keep working. */
 #define CALE_POLICY_VERSION 1
 CALE_POLICY_API int cale_policy_version(void);
 
@@ -56,7 +56,7 @@ enum { CALE_GREEDY = 0, CALE_SAMPLED = 1, CALE_AS_EVALUATED = 2 };
  * failure. */
 CALE_POLICY_API cale_policy* cale_policy_load(const char* path);
 CALE_POLICY_API cale_policy* cale_policy_parse(const void* contents, size_t size);
-/* Sessions made from it go on working. NULL is fine. */
+/* Sessions made from it remain valid. NULL is allowed. */
 CALE_POLICY_API void cale_policy_free(cale_policy* policy);
 
 CALE_POLICY_API int cale_policy_get_info(const cale_policy* policy, cale_policy_info* info);

@@ -1,5 +1,4 @@
-// A policy's network as a list of steps over one block of memory, with the weights in the order that the
-// kernels read.
+// A policy's network as a list of steps over one block of memory, with the weights in the kernels' order.
 #pragma once
 
 #include <cstddef>
@@ -14,15 +13,15 @@
 
 namespace cale::lite {
 
-/// Where an image or a vector lies in the memory: row by row, the channels of a pixel side by side, zeros
-/// around it.
+/// The location of an image or a vector in memory: row by row, the channels of a pixel side by side,
+/// surrounded by zeros.
 struct Place {
     std::size_t begin = 0;  // of its first pixel, behind the zeros
     std::size_t row = 0;    // floats from one row to the next
     ImageSize size{};
 };
 
-/// What needs no memory of its own works in place, where `in` is `out`.
+/// Steps that need no memory of their own work in place: `in` is `out`.
 struct Step {
     enum class Kind {
         convolve,
@@ -47,7 +46,7 @@ struct Step {
 struct InferencePlan {
     explicit InferencePlan(const PolicyFile& file);
 
-    /// Computes into `memory`, which has `memory_size` floats and was all zero before its first use.
+    /// Computes in `memory`, which must have `memory_size` floats and be all zero before its first use.
     /// Returns the output in it.
     std::span<const float> run(std::span<const std::uint8_t> observation, std::span<float> memory) const;
 
@@ -64,7 +63,7 @@ struct InferencePlan {
     Floats weights_;
     Place pixels_;
     std::vector<Step> steps_;
-    Place outputs_, value_;  // what the head's dense layers gave; value_: of dueling ones
+    Place outputs_, value_;  // outputs of the head's dense layers; value_: where dueling
     Place output_;
     std::size_t log_std_ = 0;  // of a gaussian head, in weights_
 };
@@ -73,7 +72,7 @@ struct InferencePlan {
 
 namespace cale {
 
-/// Sets the golden pair of a policy: golden_observation() and what its network gives for it.
+/// Sets the golden pair of a policy: golden_observation() and the network's output for it.
 void set_golden_pair(PolicyFile& policy);
 
 }  // namespace cale

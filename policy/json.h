@@ -1,5 +1,5 @@
-// As much of JSON (RFC 8259) as the headers of safetensors files need. A value stays the text it was: what is
-// read of a stranger's header is never more than twice its size.
+// The subset of JSON (RFC 8259) that the headers of safetensors files need. Values stay text, so that memory
+// use never exceeds twice the size of an untrusted header.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@
 
 namespace cale {
 
-/// The parts, one behind the other.
+/// Returns the concatenated parts.
 std::string joined(std::initializer_list<std::string_view> parts);
 
-/// A sentence about a file without its name.
+/// An error in a file, one sentence without the file's name.
 struct FileDamage : std::runtime_error {
     explicit FileDamage(const std::string& sentence) : std::runtime_error(sentence) {}
     explicit FileDamage(std::initializer_list<std::string_view> parts) : FileDamage(joined(parts)) {}
@@ -26,13 +26,13 @@ struct FileDamage : std::runtime_error {
 /// that occur twice in an object, and for more than four levels of nesting.
 void check_json(std::string_view text);
 
-// The parts of a text that check_json() let pass.
+// Parts of a text that passed check_json().
 
 /// The members of an object in their order, name and value; none for another kind of value.
 std::optional<std::vector<std::pair<std::string, std::string_view>>> json_members(std::string_view value);
 /// The elements of an array.
 std::optional<std::vector<std::string_view>> json_elements(std::string_view value);
-/// What a string says.
+/// Returns the contents of a string.
 std::optional<std::string> json_text(std::string_view value);
 /// A number without sign, fraction and exponent that fits.
 std::optional<std::uint64_t> json_natural(std::string_view value);
@@ -41,7 +41,7 @@ std::optional<std::uint64_t> json_natural(std::string_view value);
 std::string to_json(std::string_view text);
 bool is_utf8(std::string_view text);
 
-/// A stranger's text for an error message: 'in quotes', control characters escaped, cut off where it is long.
+/// Returns untrusted text for an error message: 'in quotes', control characters escaped, long text truncated.
 std::string in_quotes(std::string_view text);
 
 }  // namespace cale

@@ -9,7 +9,7 @@ enum class Store {
     plain,
     relu,
     add
-};  // what happens to a sum: stored, stored unless negative, added to what is there
+};  // how a sum is written: stored, stored unless negative (else 0), added to the present value
 
 /// A convolution. Images lie in memory row by row, the channels of a pixel side by side, and are surrounded
 /// by as many zeros as the kernel reaches beyond them: a row of the kernel covers kernel_width neighbouring
@@ -36,7 +36,7 @@ struct Kernels {
                   const float* bias, float* output);
 };
 
-/// The fastest ones that this machine can run.
+/// Returns the fastest kernels that this machine can run.
 const Kernels& kernels();
 
 extern const Kernels kPortableKernels, kAvx2Kernels, kAvx512Kernels;

@@ -1,6 +1,6 @@
 // The loops themselves, for vectors of any length. Each kernels_*.cpp compiles them with the instructions
-// that its vectors need; unnamed, so that no other file can end up with them. For the same reason nothing of
-// the standard library is used here.
+// that its vectors need; in an unnamed namespace, so that no other file can link to them. For the same reason
+// the standard library is not used here.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// From a game's screens to what a policy sees of them, exactly as in training.
+// Turns a game's screens into a policy's observations, exactly as in training.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace cale {
 
-/// One game, watched. The program calls start() with its first screen and see() with the screen after every
-/// emulated frame; whenever due() says so, observation() is what the next action is chosen on.
+/// The observations of one game. The program calls start() with its first screen and see() with the screen
+/// after every emulated frame; whenever due() returns true, the next action is chosen on observation().
 ///
 ///     Observer observer(policy.info(), 210);
 ///     observer.start(game.screen());
@@ -35,14 +35,14 @@ class Observer {
     /// One more emulated frame; the first after a decision was due begins the next step. Throws as start()
     /// does.
     void see(std::span<const std::uint8_t> screen);
-    /// A life was lost with the frame that was seen last. Where that ends an episode
+    /// Must be called when a life was lost in the newest frame. Where that ends an episode
     /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of the newest frame
     /// only.
     void lose_life();
 
     /// Whether a decision is due: at the start, then after every frame_skip frames.
     bool due() const { return frames_left_ == 0; }
-    /// [stack, 84, 84], as of the newest decision that was due.
+    /// Returns [stack, 84, 84], as of the newest decision that was due.
     std::span<const std::uint8_t> observation() const { return stack_.data(); }
 
   private:

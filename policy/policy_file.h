@@ -1,5 +1,4 @@
-// The policy file, as docs/policy_file.md describes it: weights and everything that is needed to act with
-// them.
+// The policy file (docs/policy_file.md): weights and everything that is needed to act with them.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +14,7 @@
 
 namespace cale {
 
-/// An observation, and what the network says to it: Policy::output.
+/// An observation, and the network's output for it: Policy::output.
 struct GoldenPair {
     std::vector<std::uint8_t> observation;
     std::vector<float> output;
@@ -34,14 +33,14 @@ struct PolicyFile {
 PolicyFile parse_policy_file(std::string_view contents);
 
 /// The contents that parse_policy_file() reads to `policy`. Throws std::invalid_argument for texts that are
-/// not UTF-8 and for provenance under a name that the format uses itself.
+/// not UTF-8 and for provenance under a name reserved by the format.
 std::string policy_file_contents(const PolicyFile& policy);
 
 /// The metadata of those contents, but for the checksum.
 std::map<std::string, std::string> policy_file_texts(const PolicyFile& policy);
 
 /// 64 bits over all metadata but the checksum itself and over all tensors, in the order of their names. It
-/// finds damage, not malice.
+/// detects accidental damage, not tampering.
 std::string policy_checksum(const std::map<std::string, std::string>& metadata,
                             const std::map<std::string, StoredTensor>& tensors);
 

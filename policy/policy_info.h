@@ -1,4 +1,5 @@
-// What a trained policy is, whoever evaluates it: cale::Policy with LibTorch, cale::lite::Policy without.
+// The description of a trained policy, shared by cale::Policy (with LibTorch) and cale::lite::Policy
+// (without).
 #pragma once
 
 #include <cstddef>
@@ -15,7 +16,7 @@ namespace cale {
 /// All but the weights. The texts of docs/policy_file.md say how it is stored.
 struct PolicyInfo {
     std::string game;          // "Breakout", as in "ALE/Breakout-v5"
-    std::string agent;         // the algorithm: "sac", "sacd", "ppo", "dqn", "der", or an agent of one's own
+    std::string agent;         // the algorithm: "sac", "sacd", "ppo", "dqn", "der", or a custom agent
     std::string encoder;       // agent.encoder, such as "phi_sac"; empty where the agent has no such setting
     std::string action_space;  // "continuous", "minimal" or "full", as env.action_space
 
@@ -34,7 +35,7 @@ struct PolicyInfo {
     std::int64_t frame_width = 84;   // columns
     /// Emulated frames per decision.
     std::int64_t frame_skip = 4;
-    /// The stack starts anew at a lost life (Atari 100k), not only with a game.
+    /// Whether the stack restarts at a lost life too (Atari 100k), not only with a game.
     bool life_loss_ends_episode = false;
 
     /// How the run's own evaluations act: by drawing from the policy, and by a uniformly random action with
@@ -54,7 +55,7 @@ struct PolicyInfo {
     }
 };
 
-/// Sets what `info` says of an observation [stack, rows, columns] or [stack, bytes].
+/// Sets the shape of an observation in `info`: [stack, rows, columns] or [stack, bytes].
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
 
 /// How an action is chosen.
@@ -71,7 +72,7 @@ struct Decision {
     float strength = 1;         // how far a paddle moves, 0 to 1
 };
 
-/// What these actions do to the joystick of the policy's game.
+/// Returns the joystick decisions that these actions stand for in the policy's game.
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick);
 /// Throws std::out_of_range for a number that the policy has no action for.
 Decision decision(const PolicyInfo& info, std::int64_t action);

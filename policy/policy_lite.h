@@ -35,15 +35,15 @@ class Workspace {
     Floats numbers_;
 };
 
-/// Loaded once and never changed: any number of threads may act with it, each with a workspace of its own.
-/// A copy shares the weights.
+/// Immutable once loaded: any number of threads may act with it, each with its own workspace. A copy shares
+/// the weights.
 class Policy {
   public:
-    /// Reads a policy file (docs/policy_file.md) and checks all of it, to the golden output that its network
-    /// must give for its golden input. Nothing in a file is executed: a stranger's may be opened. Throws
+    /// Reads a policy file (docs/policy_file.md) and checks all of it, including that its network reproduces
+    /// the golden output. Nothing in a file is executed: untrusted files are safe to open. Throws
     /// std::runtime_error, one sentence with the file's name and what is wrong with it.
     static Policy load(const std::filesystem::path& file);
-    /// The same for the contents of a file; `name` is what errors call it.
+    /// The same for the contents of a file; `name` identifies it in errors.
     static Policy parse(std::string_view contents, const std::string& name = "policy");
 
     const PolicyInfo& info() const;  // all but the weights

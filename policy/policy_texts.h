@@ -1,4 +1,4 @@
-// What a policy is, as the texts of its file's metadata: docs/policy_file.md.
+// A policy's description as the texts of its file's metadata: docs/policy_file.md.
 #pragma once
 
 #include <cstdint>
@@ -17,11 +17,11 @@ using Texts = std::map<std::string, std::string>;
 /// All but the provenance.
 Texts texts_of(const PolicyInfo& info, const NetworkSpec& network);
 
-/// Takes the texts of version 1 or 2 out of `texts`; what is left is provenance. Throws FileDamage that names
-/// the first which is missing, or is not what it must be, and where they do not go together.
+/// Removes the texts of version 1 or 2 from `texts`, leaving the provenance. Throws FileDamage, naming the
+/// first text that is missing or invalid, and for texts that contradict each other.
 void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network);
 
-// Each takes one text. Throws FileDamage if it is missing or, but for take_text(), not what it must be.
+// Each removes one text. Throws FileDamage if it is missing or, except for take_text(), invalid.
 std::string take_text(Texts& texts, std::string_view key);
 std::string take_choice(Texts& texts, std::string_view key, std::span<const std::string_view> allowed);
 bool take_truth(Texts& texts, std::string_view key);

@@ -7,9 +7,9 @@
 
 namespace cale {
 
-/// Takes the texts of a network, all but its number of actions: that is how many are listed. The text
-/// `encoder` stays: version 2 has it too. Throws FileDamage that names the first which is missing, or is not
-/// what it must be.
+/// Removes the texts of a network, all but its number of actions, which is the number of listed actions. The
+/// text `encoder` stays: version 2 has it too. Throws FileDamage, naming the first text that is missing or
+/// invalid.
 NetworkSpec take_network_of_version_1(Texts& texts);
 
 }  // namespace cale

@@ -1,5 +1,5 @@
-// A second copy of a replay's frames, on the device that trains: what travels there is each frame once, and
-// with a batch only where its frames lie.
+// A second copy of a replay's frames, on the training device: each frame is transferred once; a batch
+// transfers only the indices of its frames.
 #pragma once
 
 #include <c10/core/Event.h>
@@ -17,9 +17,9 @@ class FrameMirror {
     torch::Device device() const { return frames_.device(); }
 
     /// Fills batch.observation and batch.next_observation, which are on device(), with the stacks of the
-    /// transitions in the slots batch.index. First brings the frames there that are new.
+    /// transitions in the slots batch.index. First uploads the new frames.
     void gather(const FrameRing& ring, Batch& batch);
-    /// Has all frames brought anew by the next gather(): they are another replay's.
+    /// Makes the next gather() upload all frames again, because the replay's contents were replaced.
     void forget() { seen_ = 0; }
 
   private:
@@ -28,11 +28,11 @@ class FrameMirror {
     void record_read();
 
     torch::Tensor frames_;           // [frames_capacity + 1, H * W] as in the ring; the last one is blank
-    torch::Tensor staged_;           // [some, H * W] on the host, frames on their way
+    torch::Tensor staged_;           // [some, H * W] on the host, frames being uploaded
     torch::Tensor shown_;            // [2, B, stack] int64 on the host: rows of frames_
     torch::Tensor shown_on_device_;  // the same
-    c10::Event read_;                // the device has read staged_ and shown_
-    FrameId seen_ = 0;               // frames before this one are there
+    c10::Event read_;                // recorded once the device has read staged_ and shown_
+    FrameId seen_ = 0;               // frames before this one have been uploaded
 };
 
 }  // namespace cale

@@ -1,4 +1,4 @@
-// Where the replay keeps frames and transitions: two rings, each frame once.
+// The replay's storage: a ring of frames, each stored once, and a ring of transitions.
 #pragma once
 
 #include <sys/mman.h>
@@ -21,7 +21,7 @@ namespace cale {
 
 /// A fixed-size array, all zero at first, whose pages the operating system commits when they are first
 /// written, so that a ring of 7 GB costs nothing before it fills. Throws std::system_error when the address
-/// space is refused.
+/// space cannot be reserved.
 template <class T>
 class LazyArray {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -56,24 +56,24 @@ class LazyArray {
     std::size_t bytes_ = 0;
 };
 
-/// Frames that are kept: as many as there are transitions, and those of the windows that
-/// are not yet complete while all environments step together, each with a final frame.
+/// Returns the number of frames kept: one per transition, plus those of the unfinished windows of all
+/// environments stepping together, each with a final frame.
 std::int64_t frame_capacity(const ReplayConfig& config);
 std::int64_t bytes_per_frame(const ReplayConfig& config);
 std::int64_t bytes_per_transition(const ReplayConfig& config);
 
-/// Numbers that only grow, of which another thread still reads some: until it lets go of them, what lies in
-/// their slots must stay.
+/// Protects a range of growing numbers that another thread still reads: their slots must not be overwritten
+/// until it releases them.
 class Hold {
   public:
-    /// This number and all later ones are held.
+    /// Holds this number and all later ones.
     void from(std::int64_t number) {
         from_.store(number, std::memory_order_release);
         from_.notify_all();
     }
     void release() { from(kNone); }
     bool is_held() const { return from_.load(std::memory_order_relaxed) != kNone; }
-    /// Returns once the number is not held.
+    /// Blocks until the number is no longer held.
     void wait_for(std::int64_t number) const {
         for (auto held = from_.load(std::memory_order_acquire); number >= held;
              held = from_.load(std::memory_order_acquire))
@@ -96,10 +96,10 @@ void for_each_run(std::int64_t begin, std::int64_t end, std::int64_t ring, const
     }
 }
 
-/// Frames and transitions carry numbers that only grow; a number's slot is its remainder.
-/// The action of a step lies with the frame it was chosen on, which is the last one of
-/// the observation. First in, first out: with a frame go all transitions up to the last
-/// one that shows it. Trusts its caller's sizes.
+/// Frames and transitions are numbered consecutively; a number's slot is its remainder modulo the ring's
+/// size. The action of a step is stored with the frame it was chosen on, the last one of the observation.
+/// First in, first out: overwriting a frame removes all transitions up to the last one that uses it. Does not
+/// check sizes.
 struct FrameRing {
     explicit FrameRing(const ReplayConfig& config);
 
@@ -108,13 +108,13 @@ struct FrameRing {
     LazyArray<std::uint8_t> frames;            // [frames_capacity, H, W]
     LazyArray<float> actions;                  // [frames_capacity, action_size]
     LazyArray<std::int64_t> discrete_actions;  // [frames_capacity] if action_size is 0
-    LazyArray<std::int64_t> users_end;         // [frames_capacity] last transition with this frame, plus 1
-    FrameId frames_end = 0;                    // frames ever stored
+    LazyArray<std::int64_t> users_end;  // [frames_capacity] last transition that uses this frame, plus 1
+    FrameId frames_end = 0;             // frames ever stored
 
     LazyArray<FrameId> references;       // [capacity, 2, stack] observation, next observation
     LazyArray<float> n_step_returns;     // [capacity]
     LazyArray<float> discounts;          // [capacity]
-    std::int64_t transitions_begin = 0;  // the oldest transition that is left
+    std::int64_t transitions_begin = 0;  // the oldest stored transition
     std::int64_t transitions_end = 0;    // transitions ever stored
 
     Hold held_frames, held_transitions;  // by a snapshot
@@ -135,7 +135,7 @@ struct FrameRing {
     void copy(std::int64_t transition, Batch& batch, std::int64_t row) const;
     void copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const;
 
-    /// Recomputes users_end. False if a transition shows a frame that is not there.
+    /// Recomputes users_end. Returns false if a transition uses a frame that is not stored.
     bool restore_users();
 
     /// Call visit(pointer, values per number) for each array of the frames' ring, and of the transitions'.

@@ -1,5 +1,5 @@
-// Experience replay in the process that trains: every frame is stored once, stacks
-// and n-step returns are made from it (Mnih et al. 2015; n-step: Sutton 1988).
+// In-process experience replay: every frame is stored once; stacks and n-step returns are built from it (Mnih
+// et al. 2015; n-step: Sutton 1988).
 #pragma once
 
 #include <cstdint>
@@ -21,18 +21,17 @@
 
 namespace cale {
 
-/// The largest priority: what float32 can say. The sum of as many as there may be is far from overflowing.
+/// The largest priority: the largest float32. The sum over a full replay cannot overflow.
 inline constexpr double kMaxPriority = std::numeric_limits<float>::max();
 
-/// See Replay for what it overrides. Not synchronised: calls that overlap are the caller's to prevent, but
-/// for const ones without a mirror. To write it to the disk and to read it: replay_snapshot.h.
+/// See Replay for what it overrides. Not thread-safe: the caller must prevent overlapping calls, except const
+/// ones without a mirror. Saving and loading: replay_snapshot.h.
 class ReplayBuffer final : public Replay {
   public:
-    /// Memory is taken as the buffer fills; whether there will be enough: replay_memory.h. Throws as
-    /// validate() does.
-    /// `mirror`: the device on which the frames are kept a second time, and observations put together (see
-    /// FrameMirror). Batches then have `observation` and `next_observation` there, and the rest on the CPU.
-    /// Throws std::runtime_error where that device lacks the memory.
+    /// Memory is committed as the buffer fills; replay_memory.h checks whether it will suffice. Throws as
+    /// validate() does. `mirror`: the device that holds a second copy of the frames and assembles
+    /// observations (see FrameMirror). Batches then have `observation` and `next_observation` there, and the
+    /// rest on the CPU. Throws std::runtime_error where that device lacks the memory.
     explicit ReplayBuffer(const ReplayConfig& config, std::optional<torch::Device> mirror = std::nullopt);
 
     const ReplayConfig& config() const override { return config_; }
@@ -41,12 +40,12 @@ class ReplayBuffer final : public Replay {
     std::int64_t size() const override { return ring_->size(); }
     std::int64_t add_count() const override { return ring_->transitions_end; }
 
-    /// Returns a batch of sample_into() in memory of its own.
+    /// Returns a newly allocated batch, filled by sample_into().
     Batch sample(std::int64_t batch_size, std::mt19937_64& random) const;
     void sample_into(Batch& batch, std::mt19937_64& random) const override;
     Batch empty_batch(std::int64_t batch_size) const override;
-    /// The transitions at these positions, 0 being the oldest; `probability` is that with
-    /// which sample() would draw them. Throws std::out_of_range.
+    /// Returns the transitions at these positions, 0 being the oldest; `probability` is that with which
+    /// sample() would draw them. Throws std::out_of_range.
     Batch gather(std::span<const std::int64_t> positions) const;
 
     void set_priorities(const torch::Tensor& index, const torch::Tensor& priority) override;
@@ -70,8 +69,8 @@ class ReplayBuffer final : public Replay {
     ReplayConfig config_;
     std::unique_ptr<FrameRing> ring_;
     std::vector<Accumulator> accumulators_;  // one per environment
-    std::optional<SumTree> priorities_;      // if prioritised: of each slot, 0 where nothing lies
-    double largest_priority_ = 1;            // that was ever given
+    std::optional<SumTree> priorities_;      // if prioritised: by slot, 0 for an empty one
+    double largest_priority_ = 1;            // ever given
     std::unique_ptr<FrameMirror> mirror_;    // or none
 };
 

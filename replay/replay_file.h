@@ -1,5 +1,5 @@
-// A file that is either complete and unharmed, or refused: zstd with a checksum,
-// written beside its place, synced and renamed.
+// A file that is either complete and undamaged, or rejected: zstd with a checksum, written to a temporary
+// name, synced and renamed.
 #pragma once
 
 #include <cstddef>
@@ -20,12 +20,12 @@ struct CloseFile {
 };
 using FileHandle = std::unique_ptr<std::FILE, CloseFile>;
 
-/// Writes `path` + ".tmp" and renames it in commit(), when its content is on the disk; its name is once the
-/// folder has been synced. Without commit() nothing is left. Every member throws std::runtime_error, naming
-/// the file, when writing fails.
+/// Writes `path` + ".tmp" and renames it in commit(), after syncing its content; the name is durable only
+/// once the folder has been synced. Without commit() nothing remains. Every member throws std::runtime_error,
+/// naming the file, when writing fails.
 class ReplayFileWriter {
   public:
-    /// `magic`: eight characters that say what the file is.
+    /// `magic`: eight characters that identify the kind of file.
     ReplayFileWriter(const std::string& path, std::string_view magic, std::uint32_t version);
     ~ReplayFileWriter();
     ReplayFileWriter(const ReplayFileWriter&) = delete;
@@ -48,16 +48,16 @@ class ReplayFileWriter {
     std::vector<char> compressed_;
 };
 
-/// Reads what ReplayFileWriter wrote, in pieces of any size. Every member throws
-/// std::runtime_error that names the file and what is wrong with it. Its memory does
-/// not depend on the file's contents. Only after finish() is the content known to be good.
+/// Reads what ReplayFileWriter wrote, in pieces of any size. Every member throws std::runtime_error that
+/// names the file and what is wrong with it. Its memory use does not depend on the file's contents. The
+/// content is verified only after finish().
 class ReplayFileReader {
   public:
     ReplayFileReader(const std::string& path, std::string_view magic, std::uint32_t version);
 
     void read(void* data, std::size_t size);
     void skip(std::size_t size);
-    /// Checks that everything has been read, and the checksum.
+    /// Checks that everything has been read, and verifies the checksum.
     void finish();
     [[noreturn]] void fail(const std::string& what) const;
 
@@ -72,8 +72,8 @@ class ReplayFileReader {
     FileHandle file_;
     std::unique_ptr<ZSTD_DCtx_s, FreeContext> context_;
     std::vector<char> compressed_;
-    std::size_t begin_ = 0, end_ = 0;  // what is left of compressed_
-    bool complete_ = false;            // the end of the content and its checksum were met
+    std::size_t begin_ = 0, end_ = 0;  // the unread part of compressed_
+    bool complete_ = false;            // the end of the content and its checksum were reached
 };
 
 }  // namespace cale

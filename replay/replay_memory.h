@@ -1,4 +1,4 @@
-// How much memory a replay takes, known before it is made.
+// The memory that a replay needs, computed before it is constructed.
 #pragma once
 
 #include <cstdint>
@@ -7,8 +7,8 @@
 
 namespace cale {
 
-/// Bytes that a buffer of this configuration takes once it is full. Throws
-/// std::invalid_argument, naming key, value and range, for an impossible configuration.
+/// Returns the bytes that a full buffer of this configuration takes. Throws std::invalid_argument, naming
+/// key, value and range, for an impossible configuration.
 std::int64_t memory_needed(const ReplayConfig& config);
 
 /// Throws std::runtime_error, naming both figures and the key to lower, when the

@@ -1,4 +1,4 @@
-// A replay on the disk: a folder of files, most of which never change again
+// A replay on disk: a folder of files, most of which never change again
 //
 //     replay.zst                                     configuration, counters, unfinished windows, priorities
 //     frames-000012.zst, ..., frames-open.zst        frames, each with the action chosen on it
@@ -19,19 +19,21 @@
 
 namespace cale {
 
-/// What a replay held at one moment, for another thread to write while the replay goes on. Nothing but the
-/// ReplayState is copied. The replay waits where it would overwrite a frame or transition that is yet to be
-/// written; as save() goes from the oldest to the newest, the wait is short.
+/// The contents of a replay at one moment, for another thread to write while the replay remains in use. Only
+/// the ReplayState is copied. The replay blocks before overwriting a frame or transition that has not been
+/// written yet; because save() writes the oldest first, the wait is short.
 class ReplaySnapshot {
   public:
-    /// Whether the file of this name, which an earlier snapshot of the same replay wrote, is in the folder
-    /// now and need not be written again. Asked for full chunks only.
+    /// Returns whether the folder already holds the file of this name, written by an earlier snapshot of the
+    /// same replay, so that it need not be written again. Called for full chunks only.
     using TakeOver = std::function<bool(const std::string& file)>;
 
-    /// Of what is stored now. The replay must outlive it. Throws std::logic_error while there is another.
+    /// Captures the current contents. The replay must outlive it. Throws std::logic_error while another
+    /// snapshot exists.
     explicit ReplaySnapshot(Replay& replay);
 
-    /// Writes the files into the folder, which exists; once only. Throws std::runtime_error, naming the file.
+    /// Writes the files into the folder, which must exist. Must be called at most once. Throws
+    /// std::runtime_error, naming the file.
     void save(const std::filesystem::path& folder, const TakeOver& take_over = {});
 
   private:
@@ -48,10 +50,10 @@ class ReplaySnapshot {
 /// priorities. Throws std::runtime_error, naming the file.
 void save_replay(Replay& replay, const std::filesystem::path& folder);
 
-/// Makes the contents of the replay those that were saved, so that it resumes exactly there. What it held is
-/// in memory until the files proved good. Throws std::runtime_error, naming the file, and leaves the replay
-/// as it was: for files that are missing, damaged, truncated, of another version or of another configuration.
-/// Throws std::logic_error while a snapshot of the replay is read.
+/// Replaces the contents of the replay by the saved ones; it then continues exactly from there. The old
+/// contents stay in memory until the files have been verified. Throws std::runtime_error, naming the file,
+/// and leaves the replay unchanged, for files that are missing, damaged, truncated, of another version or of
+/// another configuration. Throws std::logic_error while a snapshot of the replay is being read.
 void load_replay(Replay& replay, const std::filesystem::path& folder);
 
 }  // namespace cale

@@ -1,4 +1,4 @@
-// What an on-policy agent learns from: the steps since its last update, in the order they were made.
+// The rollout of an on-policy agent: the steps since its last update, in order.
 #pragma once
 
 #include <cstdint>
@@ -41,28 +41,28 @@ struct RolloutConfig {
 /// T steps of N environments, on the CPU.
 class Rollout {
   public:
-    /// Takes all its memory at once.
+    /// Allocates all memory at once.
     explicit Rollout(const RolloutConfig& config);
     virtual ~Rollout() = default;
 
-    /// What the actions of the next step are chosen on: [N, stack, H, W] uint8; bytes that are no image
-    /// may come as [N, stack, W], with H = 1.
+    /// Stores the observations that the next actions are chosen on: [N, stack, H, W] uint8; bytes that are
+    /// not an image may have the shape [N, stack, W], with H = 1.
     void set_observations(const torch::Tensor& observations);
 
-    /// The step that followed. Throws std::invalid_argument for other counts, and std::logic_error
+    /// Stores the step that followed. Throws std::invalid_argument for other counts, and std::logic_error
     /// where the rollout is full.
     void add(const torch::Tensor& actions, std::span<const StepResult> results,
              std::span<const std::uint8_t> final_frames);
 
-    /// Whether every environment has made its steps.
+    /// Returns whether the rollout is complete.
     bool full() const { return steps == config.length; }
-    /// Forgets everything, an unfinished episode included.
+    /// Clears everything, an unfinished episode included.
     virtual void clear();
 
-    /// The steps so far, by name, in memory of their own.
+    /// Returns copies of the steps so far, by name.
     virtual std::map<std::string, torch::Tensor> state() const;
-    /// Goes on exactly where state() was. Throws std::runtime_error, and changes nothing, for a state that
-    /// lacks a part or is of another configuration.
+    /// Restores exactly what state() returned. Throws std::runtime_error, and changes nothing, for a state
+    /// that is incomplete or of another configuration.
     virtual void restore(const std::map<std::string, torch::Tensor>& state);
 
     RolloutConfig config;       // as it was made with
@@ -71,11 +71,10 @@ class Rollout {
     torch::Tensor action;       // [T, N, action_size] float32, or [T, N] int64
     torch::Tensor reward;       // [T, N] float32, clipped and scaled
     torch::Tensor terminal;     // [T, N] float32: 1 where the episode ended or was cut off
-    /// What follows the last step, [N, stack, H, W], where that is not the next observations.
+    /// The observations after the last step, [N, stack, H, W], where they are not the next observations.
     torch::Tensor next_observation;
 
-    /// Where an episode was cut off, and the observation [stack, H, W] that it was left with: what would have
-    /// followed still counts.
+    /// A truncated episode and its final observation [stack, H, W], whose value is bootstrapped.
     struct Truncation {
         std::int64_t step, env;     // where
         torch::Tensor observation;  // [stack, H, W] uint8

@@ -1,5 +1,5 @@
-// Which of many values a point on their cumulative sum falls into: the sum tree of
-// prioritised replay (Schaul et al. 2016, appendix B.2.1).
+// Finds the value into which a point on the cumulative sum falls: the sum tree of prioritised replay (Schaul
+// et al. 2016, appendix B.2.1).
 #pragma once
 
 #include <cstddef>
@@ -32,7 +32,7 @@ class SumTree {
     /// Throws std::out_of_range for a target outside [0, total()], and if total() is 0.
     std::int64_t find(double target) const;
 
-    /// All values in their order, to be saved and restored. Who writes here calls restore_sums().
+    /// All values in order, for saving and restoring. After writing, restore_sums() must be called.
     std::span<double> values() { return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)}; }
     std::span<const double> values() const {
         return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)};

@@ -1,4 +1,4 @@
-// What the parts of a replay hand to one another: its configuration, what goes in, and what comes out.
+// The replay's common types: configuration, steps in, batches out.
 #pragma once
 
 #include <array>
@@ -41,7 +41,7 @@ struct ReplayConfig {
     }
 };
 
-/// One number of a configuration, under the name its user knows.
+/// One number of a configuration, with the key of its setting.
 struct ReplayConfigEntry {
     const char* key;                               // such as agent.replay_capacity
     double value;                                  // of this configuration
@@ -65,12 +65,12 @@ struct Experience {
     std::int64_t discrete_action = 0;                // (discrete)
     float reward = 0;                                // of the step
     bool terminal = false;                           // nothing follows: no bootstrapping
-    bool truncated = false;                          // cut off: what would have followed counts
+    bool truncated = false;                          // cut off: bootstraps
     std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
 };
 
-/// B transitions. `discount` is 0 where the window met a terminal, gamma^steps otherwise,
-/// so that a target is always n_step_return + discount * value(next_observation).
+/// B transitions. `discount` is 0 where the window contains a terminal, gamma^steps otherwise, so that a
+/// target is always n_step_return + discount * value(next_observation).
 struct Batch {
     torch::Tensor observation;       // [B, stack, H, W] uint8, newest frame last
     torch::Tensor action;            // [B, action_size] float32, or [B] int64

@@ -1,4 +1,4 @@
-// Scores of the literature, to draw beside one's own.
+// Scores of the literature, for comparison.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 
 namespace cale {
 
-/// What somebody published: a mean score for each of some games, without the runs behind it.
+/// A published result: mean scores of some games, without the individual runs.
 struct Baseline {
     std::string name{};
     std::map<std::string, double, std::less<>> scores{};  // by Game::name

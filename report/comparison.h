@@ -1,4 +1,4 @@
-// Everything that a report says, computed: groups of runs against each other, and against the literature.
+// Computes the contents of a report: groups of runs compared with each other, and with the literature.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct Curve {
     std::vector<Estimate> values{};
 };
 
-/// What a group did on one game.
+/// The results of a group on one game.
 struct GameResult {
     const Game* game = nullptr;
     std::vector<const Run*> runs{};                  // by seed
@@ -41,7 +41,7 @@ struct GroupResult {
     std::vector<double> curve_steps{};
     std::vector<Aggregates> curve{};  // by curve_steps
 
-    /// One run per game says nothing about how much runs differ.
+    /// One run per game gives no estimate of the variation between runs.
     bool has_interval() const { return least_runs > 1; }
 };
 
@@ -57,7 +57,7 @@ struct Improvement {
     Estimate probability{};
 };
 
-/// What a reader must know before believing a figure.
+/// A caveat that a reader must know to interpret a figure.
 struct Note {
     std::string text{};                // a sentence; with items it ends with a colon
     std::vector<std::string> items{};  // what it is about
@@ -90,7 +90,7 @@ struct Comparison {
     std::vector<std::string> missing_runs{};  // that sweeps list, and of the grid that the others are
     std::vector<Note> notes{};                // with all that is missing or left out
 
-    /// Whether every run of the grid is there, can be used and is finished.
+    /// Whether every run of the grid exists, is usable and is finished.
     bool is_complete() const;
 
     Comparison() = default;

@@ -1,4 +1,4 @@
-// Tables of comma-separated values: those that runs leave behind, and those that a report writes.
+// Tables of comma-separated values: those that runs write, and those that a report writes.
 #pragma once
 
 #include <cstddef>
@@ -26,13 +26,13 @@ struct CsvTable {
     double score(std::size_t row, std::size_t column) const;
 };
 
-/// No game of the sixty counts as far as this: larger numbers come of a damaged file, and sums of them
-/// need not be finite.
+/// No score of the sixty games is as large as this: larger numbers indicate a damaged file, and their sums
+/// could overflow.
 inline constexpr double kHighestScore = 1e12;
 
-/// Half a last line, as a killed run or a cut copy leaves it, is no row: see CsvTable::cut_line. Throws
-/// std::runtime_error, naming the file, where it cannot be read or has no header, and the line where a row
-/// is longer or shorter.
+/// An incomplete last line, as left by a killed run or a truncated copy, is no row: see CsvTable::cut_line.
+/// Throws std::runtime_error, naming the file, where it cannot be read or has no header, and the line where a
+/// row is longer or shorter.
 CsvTable read_csv(const std::filesystem::path& path);
 
 /// read_csv() for a file that is written at once. Throws std::runtime_error where it ends within a line, too.

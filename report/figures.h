@@ -1,6 +1,6 @@
 // The figures of a report, one for each type of figure in the CALE paper.
 //
-// Every picture states the number of games and runs behind it and how its intervals came about.
+// Every picture states its number of games and runs and how its intervals were computed.
 #pragma once
 
 #include <string>
@@ -23,8 +23,8 @@ Picture efficiency_figure(const Comparison& comparison);
 Picture game_curves_figure(const Comparison& comparison);
 /// game_table() as a picture.
 Picture game_table_figure(const Comparison& comparison);
-/// How often each joystick event was asked for: a panel per game for up to four games, else the mean
-/// over all games.
+/// How often each joystick event was chosen: a panel per game for up to four games, else the mean over all
+/// games.
 Picture event_figure(const Comparison& comparison);
 /// A panel per game: the rewards of an agent step, by quantile.
 Picture reward_figure(const Comparison& comparison);
@@ -36,7 +36,7 @@ struct Figure {
     Picture picture{};
 };
 
-/// Those that the comparison has data for, in the order in which they are read.
+/// Returns the figures that the comparison has data for, in reading order.
 std::vector<Figure> figures(const Comparison& comparison);
 /// The last of them: those that show games one by one.
 std::vector<Figure> game_figures(const Comparison& comparison);

@@ -1,4 +1,4 @@
-// Runs put together by what distinguishes them.
+// Groups of runs with the same settings.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace cale {
 
-/// Runs that differ in game and seed only, or in what the user chose to overlook.
+/// Runs that differ only in game and seed, or in settings that the user chose to ignore.
 struct Group {
     std::string label{};
     std::vector<Run> runs{};

@@ -1,4 +1,4 @@
-// A comparison as one page that needs nothing but itself: no network, no script.
+// A comparison as one self-contained HTML page: no network, no script.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace cale {
 
-/// How the page came to be, for whoever wants to make it again.
+/// How the page was made, so that it can be reproduced.
 struct PageOrigin {
     std::string command{};  // as it was typed
     std::string version{};  // of this program

@@ -15,7 +15,7 @@ namespace cale {
 /// A finished run's episodes, in the order in which they ended.
 struct EpisodeHistory {
     std::string env_id{};  // "ALE/Pong-v5"; empty if the file does not say
-    std::string agent{};   // "sac"; likewise
+    std::string agent{};   // "sac"; empty if the file does not say
     std::optional<std::uint64_t> seed{};
     std::vector<double> steps{};            // agent steps of the run when the episode ended
     std::vector<double> returns{};          // undiscounted, unclipped
@@ -23,7 +23,7 @@ struct EpisodeHistory {
 };
 
 /// Reads the columns `r` and `global_step` of an episodes.csv; where the latter is missing, as in a
-/// Monitor file of Stable-Baselines3, the sum of the lengths `l`. Half a last line is no episode: see
+/// Monitor file of Stable-Baselines3, the sum of the lengths `l`. An incomplete last line is no episode: see
 /// `cut_line`. Throws std::runtime_error naming the file and the line at fault.
 EpisodeHistory read_episodes(const std::filesystem::path& path);
 

@@ -1,4 +1,4 @@
-// What the figures of a report are made of: a palette, coordinate systems, ticks, legends, bands.
+// The elements of a report's figures: a palette, coordinate systems, ticks, legends, bands.
 #pragma once
 
 #include <span>
@@ -39,7 +39,7 @@ inline constexpr double kMargin = 24;  // of a figure, left and right
 
 /// A picture with a title, as wide as it and `width` need.
 Picture titled_picture(const std::string& title, double width);
-/// Writes how the figure came about under `bottom`, and gives the picture its height.
+/// Writes how the figure was computed below `bottom`, and sets the picture's height.
 void finish_picture(Picture& picture, double bottom, const std::string& method);
 
 /// A rectangle of a picture with a coordinate system of its own.

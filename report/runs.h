@@ -1,4 +1,4 @@
-// Runs as a report sees them: who played what with which settings, and how the scores grew.
+// The runs of a report: agent, game, settings, and scores over time.
 #pragma once
 
 #include <cstdint>
@@ -71,13 +71,13 @@ struct FoundRuns {
 
 /// The runs that are these folders or lie below them: folders with an episodes.csv beside a
 /// config.yaml or metadata.json. Symbolic links are followed, and a run to which several ways lead counts
-/// once. Folders are named as they were given, relative ones relative to the working directory. Of two
-/// runs with the same agent, settings, game and seed, which tell the same thing twice, the longer one stays.
+/// once. Folders are named as they were given, relative ones relative to the working directory. Of two runs
+/// with the same agent, settings, game and seed, which are duplicates, the longer one is kept.
 ///
-/// An episodes.csv that is certainly cut is not believed: its run is left out. It is where the run's newest
-/// checkpoint had more bytes of it, where it ends in the middle of a line although the run came to its end,
-/// and where the run went on for longer than any game takes. Where it only may be cut, Run::doubts says so.
-/// Throws std::runtime_error where a path is no folder; what is wrong further down leaves out that run alone.
+/// A run whose episodes.csv is certainly truncated is left out: the run's newest checkpoint had more bytes of
+/// it, it ends in the middle of a line although the run finished, or the run continued for longer than any
+/// game takes. If it may be truncated, Run::doubts says so. Throws std::runtime_error where a path is no
+/// folder; an error in a run excludes only that run.
 FoundRuns find_runs(const std::vector<std::filesystem::path>& paths, ScoreKind kind);
 
 }  // namespace cale

@@ -17,7 +17,7 @@ struct Image {
     std::vector<std::uint8_t> rgb;  // height x width x RGB
 };
 
-/// What a frame of a film tells besides the game.
+/// The contents of a frame of a film.
 struct Scene {
     std::span<const std::uint8_t> screen{};  // screen_height x screen_width x RGB
     int screen_width = 160;
@@ -28,7 +28,7 @@ struct Scene {
     double threshold = 0.5;                    // tau
     Event event = Event::noop;
     double episode_return = 0;
-    std::optional<double> value{};  // what the agent thinks its action is worth
+    std::optional<double> value{};  // the agent's value of its action
 };
 
 /// The game three times as large; beside it what the agent sees, and its joystick: the stick in the

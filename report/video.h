@@ -18,7 +18,7 @@ class VideoWriter {
     /// impossible size and std::runtime_error, with the file and the reason, if it cannot be written.
     VideoWriter(const std::filesystem::path& path, int width, int height, double frames_per_second,
                 int scale = 3);
-    /// Closes the file without looking whether it is whole.
+    /// Closes the file without checking that it is complete.
     ~VideoWriter();
     VideoWriter(VideoWriter&&) noexcept;
     VideoWriter& operator=(VideoWriter&&) noexcept;

@@ -1,4 +1,4 @@
-// Whose configuration a file is.
+// Which training programs accept a configuration file.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +7,7 @@
 
 namespace cale {
 
-/// The training programs, such as "train_sac", that take this file as it is.
+/// Returns the training programs, such as "train_sac", that accept this file unchanged.
 std::vector<std::string> programs_that_take(const std::filesystem::path& config_file);
 
 }  // namespace cale

@@ -36,16 +36,16 @@ struct CommandLine {
     std::string device = "auto";   // auto, cpu, cuda or cuda:<index>
     std::string threads = "auto";  // auto or a number from 1
     bool progress = true;
-    bool finished = false;  // --help, --version or --print-config has been answered: leave with exit code 0
+    bool finished = false;  // --help, --version or --print-config was handled: exit with code 0
 };
 
-/// Reads the command line, and through it the configuration file and the overrides into
-/// the table's structs. A later one of these has the last word: the structs' defaults, the
-/// file of --config, --set and KEY=VALUE, and options of their own such as --seed and --num-envs.
-/// --resume without --config takes the config.yaml of the run folder as the file, where there is one.
+/// Reads the command line, the configuration file and the overrides into the table's structs. In ascending
+/// order of precedence: the structs' defaults, the file of --config, --set and KEY=VALUE, and dedicated
+/// options such as --seed and --num-envs. --resume without --config uses the config.yaml of the run folder,
+/// if there is one.
 /// --help, --version and --print-config are written to `out`. Behind --print-config, A=1 --or A=2 are two
 /// configurations, of which every one is checked and printed, one YAML document after another.
-/// Throws ConfigError, one sentence, for everything that is wrong.
+/// Throws ConfigError, one sentence, for any error.
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv, std::ostream& out);
 
@@ -53,9 +53,10 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv);
 
-/// The device that --device asks for: auto (cuda if there is one), cpu, cuda or cuda:<index>, on a machine
-/// with as many GPUs as torch::cuda::device_count() tells. `own_index` is which one is meant by cuda alone;
-/// without it, the current one. Throws ConfigError for another name and for a device that is not there.
+/// Returns the device that --device requests: auto (cuda if available), cpu, cuda or cuda:<index>, on a
+/// machine with `gpus` GPUs (torch::cuda::device_count()). `own_index` is the index that plain cuda stands
+/// for; without it, the current device. Throws ConfigError for another name and for a device that does not
+/// exist.
 c10::Device find_device(const std::string& wish, std::uint64_t gpus,
                         std::optional<std::uint64_t> own_index = std::nullopt);
 

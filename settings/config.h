@@ -28,16 +28,16 @@
 
 namespace cale {
 
-/// What the user wrote cannot be used: one sentence that says where, what and the way out.
+/// An error in the user's input: one sentence with place, problem and remedy.
 /// Control characters that it quotes are shown as \x0a, so that it stays one line.
 /// Programs leave with exit code 2.
 class ConfigError : public std::runtime_error {
   public:
-    /// Takes what what() gives.
+    /// `what`: the sentence that what() returns.
     explicit ConfigError(std::string_view sentence);
 };
 
-/// An enumeration member whose type has been forgotten: its value is an index into `names`.
+/// A type-erased enumeration member: its value is an index into `names`.
 struct EnumMember {
     std::span<const std::string_view> names;  // of the values, in order
     std::function<std::size_t()> get;         // its value
@@ -67,7 +67,7 @@ struct ConfigEntry {
     std::string get() const;
 };
 
-/// A key whose value in a file is not the table's.
+/// A key whose value in a file differs from the table's.
 struct ConfigDifference {
     std::string key;    // "env.threshold"
     std::string here;   // in the table
@@ -84,17 +84,17 @@ class ConfigTable {
         fields(config, Adder{*this, section});
     }
 
-    /// Has a text read only if `check` does not throw std::invalid_argument, whose sentence is then told with
-    /// the file and line, or the option, that the text stands in.
+    /// Makes `check` validate a text setting. If it throws std::invalid_argument, its sentence is reported
+    /// with the file and line, or the option, of the text.
     void check(std::string_view key, std::function<void(const std::string&)> check);
 
-    /// Has validate() call `rule`, which throws std::invalid_argument, a sentence that names the keys, where
-    /// settings that may each be so do not fit together.
+    /// Makes validate() call `rule`, which throws std::invalid_argument, naming the keys, for settings that
+    /// are valid individually but not together.
     void add_rule(std::function<void()> rule) { rules_.push_back(std::move(rule)); }
-    /// Throws ConfigError with the sentence of the first rule that the settings break. To be called once all
-    /// are read.
+    /// Throws ConfigError with the sentence of the first rule that the settings violate. Must be called after
+    /// all are read.
     void validate() const;
-    /// All settings become what they were when they were added.
+    /// Resets all settings to their values when they were added.
     void reset();
 
     /// The settings in order, each section's together.
@@ -115,8 +115,8 @@ class ConfigTable {
     /// All settings and their sentences as YAML that load() reads to the same values.
     std::string to_yaml() const;
 
-    /// What load(file) would change, in the table's order; the table is as before afterwards.
-    /// Throws as load() does.
+    /// Returns what load(file) would change, in the table's order; leaves the table unchanged. Throws as
+    /// load() does.
     std::vector<ConfigDifference> differences(const std::filesystem::path& file);
 
   private:

@@ -1,4 +1,4 @@
-// What a run is, beside its algorithm: the sections train, eval and log of a configuration.
+// The sections train, eval and log of a run's configuration.
 #pragma once
 
 #include <cstdint>
@@ -92,8 +92,8 @@ struct RunConfig : RunSettings {
     AgentConfig agent;  // section agent
 };
 
-/// Returns what the settings alone say of an agent's world: of a game's own set of actions, not how many
-/// there are.
+/// Returns the part of an agent's spec that follows from the settings alone, without the number of a game's
+/// own actions.
 template <class WorldConfig>
 AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     AgentSpec spec;

@@ -1,4 +1,4 @@
-// A file that only grows, whose every write is checked.
+// An append-only file with checked writes.
 #pragma once
 
 #include <cstdint>
@@ -8,10 +8,9 @@
 
 namespace cale {
 
-/// Every write reaches the operating system before it returns, so that a run that is
-/// killed loses nothing and `tail -f` shows the newest line. What can go wrong (no such
-/// folder, no permission, disk full) throws std::runtime_error with the file and the
-/// system's reason.
+/// Every write reaches the operating system before it returns, so that a killed run loses nothing and `tail
+/// -f` shows the newest line. Errors (no such folder, no permission, disk full) throw std::runtime_error with
+/// the file and the system's reason.
 class AppendFile {
   public:
     /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
@@ -22,7 +21,7 @@ class AppendFile {
     AppendFile& operator=(AppendFile&& other) noexcept;
 
     void write(std::string_view bytes);
-    /// Returns when the disk has everything.
+    /// Returns when everything is on disk.
     void sync();
     /// Bytes in the file.
     std::int64_t size() const { return size_; }

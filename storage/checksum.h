@@ -6,7 +6,7 @@
 
 namespace cale {
 
-/// CRC-32C (Castagnoli), as in iSCSI and TFRecord files. It finds accidents, not forgeries.
+/// CRC-32C (Castagnoli), as in iSCSI and TFRecord files. It detects accidental damage, not tampering.
 std::uint32_t crc32c(std::string_view bytes);
 
 }  // namespace cale

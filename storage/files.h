@@ -1,4 +1,4 @@
-// Files that are either whole or not there.
+// Reading whole files, and writing them atomically.
 #pragma once
 
 #include <chrono>
@@ -10,29 +10,27 @@
 
 namespace cale {
 
-/// How much is read of what has no size, such as a pipe, and how long is waited for its next bytes.
+/// How many bytes are read from a file without a size, such as a pipe, and how long to wait for more.
 struct StreamLimits {
     std::size_t bytes = 1 << 20;
     std::chrono::milliseconds silence = std::chrono::seconds(10);
 };
 
-/// The contents of a file. What is no regular file, such as a shell's <(command), is read to its end within
-/// `limits`. Throws std::system_error (a std::runtime_error) whose text names the file and the operating
-/// system's reason, and std::runtime_error where the limits are reached, or nothing comes out of a pipe.
+/// Returns the contents of a file. A file that is not regular, such as a shell's <(command), is read to its
+/// end within `limits`. Throws std::system_error (a std::runtime_error) whose text names the file and the
+/// operating system's reason, and std::runtime_error if the limits are exceeded, or a pipe yields nothing.
 std::string read_file(const std::filesystem::path& path, const StreamLimits& limits = {});
 
-/// Puts `bytes` in the place of `path`: whoever opens it, even after a crash or a power
-/// cut, finds the old contents or all of the new ones. They are written and synced under
-/// a temporary name in the same folder and then renamed.
-/// Throws std::system_error that names `path` and the reason (disk full, ...), having
-/// removed the temporary file and left the old one as it was.
+/// Replaces the file `path` by `bytes` atomically: even after a crash or a power cut it holds the old
+/// contents or all of the new ones. They are written and synced under a temporary name in the same folder and
+/// then renamed. Throws std::system_error that names `path` and the reason (disk full, ...); the temporary
+/// file is then removed and the old file unchanged.
 void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
 
-/// The same for contents that lie in several places.
+/// The same for contents in several pieces.
 void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces);
 
-/// Returns when the disk knows `path` by its present name (a rename is lost in a power cut until
-/// its folder is synced). Throws std::system_error.
+/// Syncs the folder of `path`: until then a rename can be lost in a power cut. Throws std::system_error.
 void sync_name(const std::filesystem::path& path);
 
 }  // namespace cale

@@ -18,16 +18,17 @@ struct FileRecord {
 };
 using Manifest = std::map<std::string, FileRecord>;  // by the files' names
 
-/// Of a file as it is now. Throws std::system_error, naming it.
+/// Returns the record of a file as it is now. Throws std::system_error, naming it.
 FileRecord record_of(const std::filesystem::path& file);
 
-/// Atomically, and last: whatever else was written into the folder is on the disk when it returns.
+/// Writes the manifest atomically. Must be called last: everything written into the folder before is on disk
+/// when it returns.
 void write_manifest(const std::filesystem::path& folder, const Manifest& manifest);
 
 /// Throws std::runtime_error, saying what is wrong, for a folder without one, or of another format.
 Manifest read_manifest(const std::filesystem::path& folder);
 
-/// Reads every file. Throws std::runtime_error that names the first that is missing or not what it was.
+/// Reads every file. Throws std::runtime_error that names the first one that is missing or has changed.
 void verify(const std::filesystem::path& folder, const Manifest& manifest);
 
 }  // namespace cale

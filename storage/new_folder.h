@@ -1,17 +1,17 @@
-// Folders that are made for a run.
+// Creating the folder of a run.
 #pragma once
 
 #include <filesystem>
 
 namespace cale {
 
-/// A folder, and those above it that were not there. When this goes, those that it made go too, but for those
-/// that have something in them by then.
+/// Creates a folder and its missing parents. The destructor removes those that it created and that are still
+/// empty.
 class NewFolder {
   public:
-    /// Throws std::filesystem::filesystem_error where it cannot be made. It may exist.
+    /// Throws std::filesystem::filesystem_error if it cannot be created. It may exist.
     explicit NewFolder(std::filesystem::path path);
-    /// Makes `path`, or where that exists `path`_2, `path`_3, ...: nobody else gets the same.
+    /// Creates `path`, or if that exists `path`_2, `path`_3, ...: no other process gets the same folder.
     static NewFolder with_a_free_name(const std::filesystem::path& path);
     ~NewFolder();
     NewFolder(NewFolder&& other) noexcept;
@@ -23,7 +23,7 @@ class NewFolder {
     NewFolder(std::filesystem::path path, std::filesystem::path topmost);
 
     std::filesystem::path path_;
-    std::filesystem::path topmost_;  // of those that were made; empty: none
+    std::filesystem::path topmost_;  // of those created; empty: none
 };
 
 }  // namespace cale

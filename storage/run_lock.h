@@ -5,8 +5,8 @@
 
 namespace cale {
 
-/// While it lives, no other process can lock the run's folder: the system's lock (flock) on the file `.lock`
-/// in it, which goes with the process however that ends. Where a file system has no locks there is none.
+/// Locks the run's folder against other processes while it exists: a system lock (flock) on its file `.lock`,
+/// released when the process ends for any reason. No effect on file systems without locks.
 class RunLock {
   public:
     /// Throws std::runtime_error, naming the folder and the process that trains in it, or why the file cannot
@@ -16,7 +16,7 @@ class RunLock {
     RunLock(const RunLock&) = delete;
     RunLock& operator=(const RunLock&) = delete;
 
-    /// Whether a process that lives has locked the folder.
+    /// Returns whether a living process has locked the folder.
     static bool is_taken(const std::filesystem::path& run_dir);
 
   private:

@@ -30,7 +30,7 @@ struct ChildSettings {
 /// Throws std::system_error.
 pid_t start_child(const std::vector<std::string>& command, const ChildSettings& settings);
 
-/// How the child ended; none while it runs. To be asked once it has been told an end no more.
+/// Returns how the child ended; none while it runs. Do not call again after it has returned an end.
 std::optional<ChildEnd> poll_child(pid_t child);
 
 /// Whether the process has a handler for the signal; false where there is no such process.

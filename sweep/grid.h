@@ -1,4 +1,4 @@
-// Keys and the values that they take: what a sweep file is made of.
+// The grids of a sweep file: keys and their values.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ namespace cale {
 /// More runs, or values of one key, than this are a misprint: the paper's largest comparison has 1,500.
 inline constexpr std::size_t kMostRuns = 100'000;
 
-/// A key and the values that it takes in turn.
+/// A key and its list of values.
 struct Axis {
     std::string key;
     std::vector<std::string> values;
@@ -21,8 +21,9 @@ struct Axis {
 };
 using Grid = std::vector<Axis>;
 
-/// What the texts of a file stand for, each value once: 1..3 is 1, 2 and 3; for env.game a game by any of
-/// its names, or a group of games. Throws ConfigError for an unknown game and an empty or huge range.
+/// Returns the values that the texts of a file stand for, without repetition: 1..3 is 1, 2 and 3; for
+/// env.game a game by any of its names, or a group of games. Throws ConfigError for an unknown game and an
+/// empty or huge range.
 std::vector<std::string> expand(std::string_view key, const std::vector<std::string>& texts);
 
 /// Every combination of the values, the last axis varying fastest. Throws ConfigError for too many.

@@ -13,18 +13,18 @@ namespace cale {
 struct LocalOptions {
     int threads = 1;         // of a run
     int retries = 2;         // how often a run that failed is tried again without having come any further
-    bool live_table = true;  // on a terminal; otherwise a line for whatever happens
+    bool live_table = true;  // on a terminal; otherwise a line per event
     std::FILE* out = stderr;
 };
 
 /// Trains what is not finished yet, each run in the subfolder of `folder` with its name, and returns
 /// 0 when all are finished, 1 when some failed or are refused (see refusal()), 130 when it was interrupted.
 ///
-/// A run that fails is tried again, from its newest checkpoint, after those that wait; one that objects to
-/// its command line or its checkpoints (exit codes 2 and 3) is not. A run in whose folder another process is
-/// at work is waited for, and not started twice. SIGINT, SIGTERM and SIGHUP stop the runs, which write a
-/// checkpoint first; a second SIGINT kills them. Runs do not outlive the sweep: when it is killed they stop
-/// likewise.
+/// A run that fails is retried from its newest checkpoint, after the waiting runs; one that rejects its
+/// command line or its checkpoints (exit codes 2 and 3) is not. A run in whose folder another process is
+/// working is not started again; the sweep waits for it. SIGINT, SIGTERM and SIGHUP stop the runs, which
+/// write a checkpoint first; a second SIGINT kills them. Runs do not outlive the sweep: if it is killed they
+/// also write a checkpoint and stop.
 int run_locally(std::span<const PlannedRun> runs, const std::filesystem::path& folder, const Slots& slots,
                 const LocalOptions& options);
 

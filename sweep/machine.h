@@ -1,4 +1,4 @@
-// How many runs a machine takes at once, and which cores and device each of them gets.
+// How many runs a machine trains at once, and the cores and device of each.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ struct Machine {
     static Machine here();
 };
 
-/// How runs share the machine; 0 where it is to be worked out.
+/// How runs share the machine; 0: computed.
 struct Sharing {
     int jobs = 0;                        // runs at once
     int threads = 1;                     // of a run

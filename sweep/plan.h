@@ -14,7 +14,7 @@
 
 namespace cale {
 
-/// A run, and what its own program says about it.
+/// A run, and its program's description of it.
 struct PlannedRun {
     SweepRun run;
     std::filesystem::path program;  // .../bin/train_sac
@@ -45,7 +45,7 @@ struct RunPlace {
     std::string device = "auto";
 };
 
-/// The arguments of a run's process, the program first. `resume`: it goes on from its newest checkpoint.
+/// Returns the arguments of a run's process, the program first. `resume`: from its newest checkpoint.
 std::vector<std::string> command_of(const PlannedRun& planned, const RunPlace& place, bool resume);
 
 }  // namespace cale

@@ -1,4 +1,4 @@
-// Runs that were trained with other settings than the sweep has: it would pass them off as its own.
+// Detects runs that were trained with other settings than the sweep has.
 #pragma once
 
 #include <filesystem>
@@ -9,11 +9,11 @@
 
 namespace cale {
 
-/// Why what has been trained in `folder` is not the planned run: a sentence with every setting that differs,
-/// both values and the way out. Empty where nothing differs, or nothing counts yet for want of a checkpoint.
+/// Returns why the run in `folder` is not the planned run: a sentence with every setting that differs, both
+/// values and the remedy. Empty if nothing differs, or if there is no checkpoint yet.
 ///
-/// Settings that change no result may differ, and the planned run may be longer. Changes that a resumed run
-/// was told to accept are part of its config.yaml, which is what is compared.
+/// Settings that change no result may differ, and the planned run may be longer. The comparison uses the
+/// run's config.yaml, which includes changes accepted on resume (--accept-changes).
 std::string refusal(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Where the planned run stands, RunPhase::refused among the answers.

@@ -1,5 +1,5 @@
-// What a run's folder says about where the run stands. Nothing else is asked: a sweep that was killed, or
-// a machine that was switched off, leaves all that the next sweep needs to know.
+// The status of a run, read from its folder alone: after a sweep was killed, or a machine switched off, the
+// next sweep needs nothing else.
 #pragma once
 
 #include <cstdint>
@@ -10,8 +10,8 @@
 
 namespace cale {
 
-/// waiting: nothing done that counts. interrupted: it has a checkpoint to go on from. running: a living
-/// process is at work in the folder. refused: what is there is another run (see refusal()).
+/// waiting: no checkpoint yet. interrupted: it has a checkpoint to resume from. running: a living process is
+/// working in the folder. refused: the folder holds another run (see refusal()).
 enum class RunPhase { waiting, interrupted, running, finished, failed, refused };
 std::string_view name_of(RunPhase state);
 
@@ -23,7 +23,7 @@ struct RunStatus {
     std::string message{};                // why it failed or is refused
 };
 
-/// Whether the run has nothing left to do: its newest checkpoint has `total_steps` and, where it `evaluates`,
+/// Returns whether the run is finished: its newest checkpoint has `total_steps` and, where it `evaluates`,
 /// the evaluation at its end is written.
 bool is_finished(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
 
@@ -37,7 +37,7 @@ std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& folde
 /// run wrote to its terminal (output.log) stays.
 void prepare_for_start(const std::filesystem::path& folder);
 
-/// Remembers in the folder that the run was given up, with the reason; forgotten by forget_failure().
+/// Records in the folder that the run was given up, with the reason; forget_failure() removes the record.
 void remember_failure(const std::filesystem::path& folder, std::string_view reason);
 void forget_failure(const std::filesystem::path& folder);
 
@@ -47,15 +47,15 @@ std::filesystem::path output_file(const std::filesystem::path& folder);
 /// The last line that the run wrote to its terminal; empty where there is none.
 std::string last_words(const std::filesystem::path& folder);
 
-/// The right to run what is in a folder. A process that inherits the descriptor holds it for as long as it
-/// lives, whatever becomes of the one that took it; the operating system takes it back. It is beside the lock
-/// of the training programs (storage/run_lock.h), which they take only once they are up.
+/// A lock on starting the run of a folder. A process that inherits the descriptor holds the lock for as long
+/// as it lives, even if the process that took it ends; the operating system then releases it. It is beside
+/// the lock of the training programs (storage/run_lock.h), which they take only after their start-up.
 class RunClaim {
   public:
-    /// None where a living process has it, or trains in the folder. `folder` must exist.
-    /// Throws std::system_error.
+    /// Returns none if a living process holds it, or trains in the folder. `folder` must exist. Throws
+    /// std::system_error.
     static std::optional<RunClaim> take(const std::filesystem::path& folder);
-    /// Whether take() would find another there.
+    /// Returns whether take() would find another process there.
     static bool is_taken(const std::filesystem::path& folder);
 
     RunClaim(RunClaim&& other) noexcept;

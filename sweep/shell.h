@@ -1,4 +1,4 @@
-// Other programs, and what they answer.
+// Running other programs and reading their output.
 #pragma once
 
 #include <span>

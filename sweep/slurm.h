@@ -28,12 +28,13 @@ struct SlurmOptions {
 std::string slurm_script(const std::filesystem::path& folder, std::span<const std::string> names,
                          std::int64_t memory, const SlurmOptions& options);
 
-/// What squeue says of the sweep's runs: name and state, such as "pending". Nothing for runs that are in no
-/// queue, nor where there is no squeue. Throws std::runtime_error with squeue's own sentence.
+/// Returns the states of the sweep's runs according to squeue: name and state, such as "pending". Runs
+/// outside the queue are missing; empty if there is no squeue. Throws std::runtime_error with squeue's own
+/// message.
 std::map<std::string, std::string> queued_runs(const std::filesystem::path& folder);
 
-/// Submits what is neither finished nor queued nor at work nor refused, in arrays as large as the cluster
-/// allows, and returns a line for each of them. Which task is which run stands in `folder`/slurm.json. Throws
+/// Submits the runs that are not finished, queued, running or refused, in arrays as large as the cluster
+/// allows, and returns a line for each array. Which task is which run stands in `folder`/slurm.json. Throws
 /// ConfigError where there is no sbatch, std::runtime_error with sbatch's own sentence.
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
                                 const SlurmOptions& options);

@@ -28,7 +28,7 @@ struct SweepOptions {
     std::filesystem::path cale;  // this program; the training programs lie beside it
 };
 
-/// Answers go to `out`, how the runs go to the standard error. Returns the exit code: 0 done, 1 some runs
+/// Results go to `out`, progress goes to the standard error. Returns the exit code: 0 done, 1 some runs
 /// failed or, whatever the task, are refused, 130 interrupted. Throws ConfigError for what the user wrote,
 /// before anything is started, and std::runtime_error.
 int run_sweep(const SweepOptions& options, std::FILE* out);

@@ -1,4 +1,4 @@
-// What a sweep shows while it runs: a line for whatever happens, and on a terminal the runs under way below.
+// The console output of a sweep: a line per event, and on a terminal the running runs below.
 #pragma once
 
 #include <chrono>
@@ -13,16 +13,16 @@ namespace cale {
 /// Writes to a file that it does not own, which must outlive it.
 class SweepConsole {
   public:
-    /// Draws a live table if `out` is a terminal and it is wanted; else a summary every five minutes.
+    /// Draws a live table if `out` is a terminal and `live_table` is true; else a summary every five minutes.
     SweepConsole(std::FILE* out, bool live_table);
 
     /// A line of its own, above the table.
     void say(const std::string& line);
-    /// Whether the table or the summary wants to be shown again.
+    /// Returns whether the table or the summary must be shown again.
     bool due() const;
-    /// Shows how the sweep stands, and those of its runs that are running.
+    /// Shows the progress of the sweep and its running runs.
     void show(std::span<const RunRow> runs);
-    /// Takes the table away and leaves the summary.
+    /// Removes the table and leaves the summary.
     void finish(std::span<const RunRow> runs);
 
   private:

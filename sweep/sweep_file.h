@@ -29,7 +29,7 @@ struct Setting {
     bool operator==(const Setting&) const = default;
 };
 
-/// "agent.encoder=phi_sac", as the training programs are told it.
+/// "agent.encoder=phi_sac", as passed to the training programs.
 std::string assignment(const Setting& setting);
 
 /// One run of a sweep.
@@ -52,14 +52,15 @@ struct Sweep {
 ///
 /// Keys are `agent`, `config` and any setting. Values are one or a list; 1..5 stands for five of them, and
 /// for env.game atari100k, paper_ten and all for the games of Atari 100k, the ten whose curves the paper
-/// shows, and the sixty. A variant's value goes before `grid`, that before `set`, `agent` and `config`.
+/// shows, and the sixty. A variant's value takes precedence over `grid`, and `grid` over `set`, `agent` and
+/// `config`.
 ///
 /// `overrides` are KEY=VALUE[,VALUE...] of a command line; they replace the values of that key wherever the
 /// file has it, or add it. A `config` among them is relative to the current folder.
 ///
 /// A run's name has game and agent first, every key of `grid` and `variants` between, and the seed last.
 /// Throws ConfigError, "file:line:column: what is wrong", where the file cannot be read, a key or game is
-/// unknown, or two runs would share a folder. Settings are the training programs' to check (see plan()).
+/// unknown, or two runs would share a folder. The training programs check the settings (see plan()).
 Sweep read_sweep(const std::filesystem::path& file, std::span<const std::string> overrides = {});
 
 }  // namespace cale

@@ -1,4 +1,4 @@
-// Text for a terminal: what --help is made of.
+// Text layout for a terminal, as for --help.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
-// What a run or an evaluation shows to whoever watches: a header, a progress bar or plain lines,
-// and where the results are.
+// The terminal output of a run or an evaluation: a header, a progress bar or plain lines, and where the
+// results are.
 #pragma once
 
 #include <chrono>
@@ -25,7 +25,7 @@ struct Progress {
         values{};  // what else to show: {"alpha", 0.1}, {"epsilon", 0.01}
 };
 
-/// How far games without learning are: those of an evaluation, or of a film.
+/// The progress of games without learning: an evaluation, or a film.
 struct GamesProgress {
     std::string title{};           // what is shown first, if anything
     std::int64_t games = 0;        // that have ended
@@ -41,8 +41,8 @@ struct GamesProgress {
 /// Seconds as "4:05", "1:02:03" or "12d 03:04"; "-" if they are not finite.
 std::string duration_text(double seconds);
 
-/// One line for a terminal of `width` columns, never wider: what has the least room goes
-/// first, from the end, and the bar takes what is left.
+/// Returns one line for a terminal, at most `width` columns: if space is short, items are dropped from the
+/// end; the bar fills the rest.
 std::string progress_bar(const Progress& progress, int width);
 std::string progress_bar(const GamesProgress& progress, int width);
 
@@ -53,13 +53,13 @@ std::string progress_line(const GamesProgress& progress);
 /// Writes to a file that it does not own, which must outlive it.
 class Console {
   public:
-    /// Draws a bar if `out` is a terminal and `progress_bar` is wanted, else plain lines.
+    /// Draws a bar if `out` is a terminal and `progress_bar` is true, else plain lines.
     explicit Console(std::FILE* out, bool progress_bar = true);
 
     /// A title, then one aligned line per label and value.
     void header(std::string_view title, std::span<const std::pair<std::string, std::string>> facts);
 
-    /// Whether the bar wants to be drawn again: never without a bar, five times a second with one.
+    /// Returns whether the bar must be redrawn: five times a second, never without a bar.
     bool due() const;
     /// Draws the bar, if there is one.
     void draw(const Progress& progress);

@@ -1,4 +1,4 @@
-// What a program says when something fails.
+// Error messages of programs.
 #pragma once
 
 #include <exception>
@@ -6,9 +6,8 @@
 
 namespace cale {
 
-/// What went wrong, in one printable() sentence: what() for most errors. LibTorch's are given without their
-/// stack trace, and those of memory that ran out and of files with the way out that they do not name
-/// themselves.
+/// Returns the error as one printable() sentence: what() for most errors. LibTorch's come without their stack
+/// trace; errors of exhausted memory and of files come with a remedy.
 std::string failure_sentence(const std::exception& error);
 
 }  // namespace cale

@@ -1,10 +1,9 @@
-// The standard output, which may be a file on a full disk.
+// Checked standard output, which may be a file on a full disk.
 #pragma once
 
 namespace cale {
 
-/// To be called when all is written. Throws std::runtime_error with the reason where part of it did not
-/// arrive.
+/// Must be called after all output. Throws std::runtime_error with the reason if part of it was not written.
 void flush_standard_output();
 
 }  // namespace cale

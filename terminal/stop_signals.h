@@ -1,4 +1,4 @@
-// How a run is asked to end.
+// Stopping a run by a signal.
 #pragma once
 
 #include <csignal>
@@ -6,8 +6,8 @@
 
 namespace cale {
 
-/// While it lives, the first SIGINT or SIGTERM makes stop_requested() true; the next one, of either, kills.
-/// One at a time.
+/// While it exists, the first SIGINT or SIGTERM makes stop_requested() true; the next one, of either, kills
+/// the process. Only one may exist at a time.
 class StopSignals {
   public:
     StopSignals();
@@ -22,7 +22,7 @@ class StopSignals {
 
 /// Since the newest StopSignals began.
 bool stop_requested();
-/// The name of the signal that came: "SIGINT" or "SIGTERM". Empty where none did.
+/// Returns the name of the received signal, "SIGINT" or "SIGTERM"; empty if none.
 std::string_view stop_signal();
 
 }  // namespace cale

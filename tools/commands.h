@@ -1,14 +1,14 @@
-// The subcommands of `cale`, a file each. A function adds one to the program; its callback, which
-// runs when the command line named it, does the work. What it throws is printed as one sentence and
-// ends the program: with code 2 if the user's words are at fault (ConfigError, std::invalid_argument), else
-// with 1. A callback that has another code to give stores it in `exit_code`.
+// The subcommands of `cale`, a file each. Each function adds one to the program; its callback runs when the
+// command line names it. An exception is printed as one sentence and ends the program: with code 2 for
+// invalid input (ConfigError, std::invalid_argument), else with 1. A callback with another exit code stores
+// it in `exit_code`.
 #pragma once
 
 #include <CLI/CLI.hpp>
 
 namespace cale {
 
-/// Where the time of a run went.
+/// How a run spent its time.
 void add_bench(CLI::App& app);
 /// Scripts for shells.
 void add_completion(CLI::App& app);

@@ -29,7 +29,7 @@ struct SettingWords {
     std::vector<std::string> values{};  // empty: any
 };
 
-/// What can follow the name of a program or of a subcommand.
+/// The words that can follow the name of a program or of a subcommand.
 struct CommandWords {
     std::string name;
     std::string help{};
@@ -53,8 +53,8 @@ CommandWords train_words(const std::string& agent,
     return train_words("train_" + agent, settings_of(config));
 }
 
-/// The script that teaches a shell to complete these programs: "bash", "zsh" or "fish".
-/// Throws std::invalid_argument for any other.
+/// Returns the completion script of these programs for a shell: "bash", "zsh" or "fish". Throws
+/// std::invalid_argument for any other.
 std::string completion_script(std::string_view shell, std::span<const CommandWords> programs);
 
 }  // namespace cale

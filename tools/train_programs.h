@@ -7,7 +7,7 @@
 
 namespace cale {
 
-/// Returns what each training program of this library understands.
+/// Returns the options and settings of each training program of this library.
 std::vector<CommandWords> train_programs();
 
 }  // namespace cale

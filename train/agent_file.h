@@ -20,8 +20,8 @@ void save_agent(const std::filesystem::path& folder, const TensorMap& state);
 inline constexpr const char* kAgentFile = "agent.safetensors.zst";
 
 /// The tensors that were saved, each in memory of its own. Throws std::runtime_error that names the file and
-/// what is wrong with it, before more memory is allocated than zstd could have packed into the file: 32,768
-/// times its size.
+/// what is wrong with it, before it allocates more than 32,768 times the file's size, zstd's largest
+/// compression ratio.
 TensorMap load_agent(const std::filesystem::path& folder);
 
 }  // namespace cale

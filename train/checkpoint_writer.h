@@ -1,4 +1,4 @@
-// Checkpoints written beside the training.
+// Checkpoints written in the background.
 #pragma once
 
 #include <filesystem>
@@ -9,19 +9,19 @@
 
 namespace cale {
 
-/// Writes the checkpoints of a run on a thread of its own, one at a time. The thread that trains pays for the
-/// snapshot; its results do not depend on how long the writing takes.
+/// Writes the checkpoints of a run on a background thread, one at a time. The training thread only makes the
+/// snapshot; its results do not depend on the duration of the write.
 class CheckpointWriter {
   public:
     /// `resumed`: the checkpoint that the run is resumed from.
     CheckpointWriter(std::filesystem::path run_dir, Retention retention,
                      std::optional<StoredCheckpoint> resumed);
 
-    /// Begins to write, once the one before is written. Throws what finish() throws.
+    /// Waits for the previous checkpoint, then starts writing. Throws what finish() throws.
     void start(RunSnapshot snapshot);
-    /// Throws what stopped the one under way, if it has been stopped: std::runtime_error, naming the file.
+    /// Throws the error of the checkpoint being written, if it failed: std::runtime_error, naming the file.
     void check();
-    /// Returns when the disk has the newest. Throws as check() does.
+    /// Returns when the newest checkpoint is on disk. Throws as check() does.
     void finish();
 
   private:
@@ -30,7 +30,7 @@ class CheckpointWriter {
     std::filesystem::path run_dir_;
     Retention retention_;
     std::optional<StoredCheckpoint> last_, before_last_;
-    std::future<void> under_way_;  // last: it is waited for before the rest is destroyed
+    std::future<void> under_way_;  // last member: its destructor waits before the others run
 };
 
 }  // namespace cale

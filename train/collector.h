@@ -1,4 +1,4 @@
-// The environments of a training run: what the agent sees of them, and how their episodes go.
+// The environments of a training run, their observations and episode statistics.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@
 
 namespace cale {
 
-/// Where several processes train together each has its share of the environments, and the first one counts
+/// With several processes each has a share of the environments, and the first one keeps the statistics of
 /// all. Below, N is the number of this process's environments.
 class Collector {
   public:
@@ -30,24 +30,24 @@ class Collector {
     /// Returns [N, stack, ...] uint8; a view that the next record() changes.
     torch::Tensor observations() const;
 
-    /// One agent step everywhere. The observations stay what they were until record().
+    /// Makes one agent step in every environment. The observations do not change until record().
     void step(const torch::Tensor& actions);
 
-    /// Shows the agent what its actions led to, and counts the steps. In a single process, the frames too,
-    /// and the episodes that ended, which it appends to `ended`.
+    /// Passes the outcome of the actions to the agent and counts the steps. In a single process it also
+    /// counts the frames and appends the episodes that ended to `ended`.
     void record(const torch::Tensor& actions, Agent& agent, RunState& state, std::vector<Episode>& ended);
-    /// All processes together: the first one counts what happened everywhere since the last time, as a
-    /// single process would have.
+    /// Must be called by all processes together: the first one then counts the steps of all since the last
+    /// call, as a single process would have.
     void synchronise(RunState& state, std::vector<Episode>& ended);
 
     const ProcessGroup& processes() const { return processes_; }
 
     /// Returns everything, between record() and step(): frames, stack, episode_returns, episode_lengths, and
-    /// of each environment game.<i>.NAME (see EpisodeRecord). All processes call it together, after
-    /// synchronise(); the first one gets everybody's.
+    /// of each environment game.<i>.NAME (see EpisodeRecord). Must be called by all processes together, after
+    /// synchronise(); the first one receives the state of all.
     TensorMap state() const;
-    /// Continues exactly where state() was, with environments of the same configuration. Atari games are
-    /// played again from their beginning, which takes seconds. Throws std::runtime_error for a state that is
+    /// Restores exactly what state() returned, for environments of the same configuration. Atari games are
+    /// replayed from their start, which takes seconds. Throws std::runtime_error for a state that is
     /// incomplete or damaged.
     void restore(const TensorMap& state);
 

@@ -1,5 +1,4 @@
-// What a run tells TensorBoard, in its own event files: records framed with
-// checksums, each a serialised Event (tensorboard_event.proto).
+// TensorBoard event files: records framed with checksums, each a serialised Event (tensorboard_event.proto).
 #pragma once
 
 #include <cstdint>

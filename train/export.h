@@ -1,4 +1,4 @@
-// From what a run leaves to a policy that others can use.
+// Exporting a run's policy.
 #pragma once
 
 #include <filesystem>
@@ -11,15 +11,15 @@
 
 namespace cale {
 
-/// The policy of a policy file, of a checkpoint (a folder, or the agent's file in it) or of a run's
-/// folder, then that of its newest checkpoint which can be read. Throws std::runtime_error, one sentence that
-/// names the path and what is wrong with it.
+/// Returns the policy of a policy file, of a checkpoint (its folder, or the agent's file in it), or of a
+/// run's folder (its newest readable checkpoint). Throws std::runtime_error, one sentence that names the path
+/// and what is wrong with it.
 Policy policy_of(const std::filesystem::path& path, torch::Device device = torch::kCPU);
 
 /// The contents of the policy file of that path: a policy file's own, or made from a checkpoint.
 std::string policy_file_of(const std::filesystem::path& path);
 
-/// Writes it to `output`, whole or not at all. Returns what it is.
+/// Writes it atomically to `output`. Returns its description.
 PolicyInfo export_policy(const std::filesystem::path& path, const std::filesystem::path& output);
 /// The same network as an ONNX model: input "observation" [N, stack, 84, 84] uint8; outputs "action", [N, 3]
 /// float32 or [N] int64, which is the greedy one, and "output" as Policy::output.

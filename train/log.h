@@ -13,7 +13,7 @@
 
 namespace cale {
 
-/// What the first line of episodes.csv says about the run.
+/// The run's description in the first line of episodes.csv.
 struct RunIdentity {
     std::string env_id{};  // "ALE/Pong-v5"
     std::string agent{};   // "sac"
@@ -24,7 +24,7 @@ struct Episode {
     double episode_return = 0;     // sum of rewards, undiscounted, neither clipped nor scaled
     std::int64_t length = 0;       // agent steps
     std::int64_t global_step = 0;  // agent steps of the run, all environments together, when it ended
-    std::int64_t frame = 0;        // emulated frames of the run, likewise
+    std::int64_t frame = 0;        // emulated frames of the run, all environments together, at that time
     std::int64_t env = 0;          // which environment
     bool truncated = false;        // cut off by the frame limit rather than over
 };
@@ -43,7 +43,8 @@ class EpisodeLog {
                std::optional<std::int64_t> offset = std::nullopt);
 
     void write(const Episode& episode);
-    /// The place, in bytes, that a checkpoint records. Call sync() before the checkpoint counts.
+    /// The offset in bytes that a checkpoint records. sync() must be called before the checkpoint is
+    /// complete.
     std::int64_t offset() const { return file_.size(); }
     void sync() { file_.sync(); }
 
@@ -69,7 +70,7 @@ class ProgressLog {
     explicit ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows = std::nullopt);
 
     void write(const Report& report);
-    /// What a checkpoint records. A count and not an offset, as columns may come in between.
+    /// The number of rows that a checkpoint records. Not an offset, because columns may be added.
     std::int64_t rows() const { return rows_; }
     /// The agent step of the last row; 0 where there is none.
     std::int64_t last_step() const { return last_step_; }

@@ -1,13 +1,13 @@
-// metadata.json: what a run was made with, for how long it has been trained, and how it ended
+// metadata.json: how a run was made, how long it has been trained, and how it ended
 //
 //     program, exp_name, env_id, seed, rom, rom_md5          what is trained
-//     cale, commit, ale, libtorch, command, started,         the sitting in which it began
+//     cale, commit, ale, libtorch, command, started,         the first session
 //     host, cpu, device, threads, processes
-//     wall_seconds                                           of all sittings, evaluations included
+//     wall_seconds                                           of all sessions, evaluations included
 //     finished, stopped                                      why it ended early; null: it runs, or was killed
-//     resumed                                                the later sittings, in the same words
+//     resumed                                                the later sessions, with the same keys
 //     schedule_over_run                                      see AgentSpec
-//     accepted_changes                                       settings that were changed in mid-run, and when
+//     accepted_changes                                       settings changed during the run, and when
 #pragma once
 
 #include <chrono>
@@ -28,7 +28,7 @@ struct RunIdentity {
     std::filesystem::path rom{};  // the file; empty: of a world that has none
 };
 
-/// One process that trains a run for a while; the rest of what metadata.json says of it is looked up.
+/// One session of training; the other entries of metadata.json are looked up.
 struct Sitting {
     std::string command;
     std::string device;
@@ -36,22 +36,23 @@ struct Sitting {
     int processes = 1;
 };
 
-/// The file's contents, and the clock of this sitting. Keys of other versions stay as they are.
+/// The file's contents, and the clock of this session. Unknown keys are preserved.
 class Metadata {
   public:
-    /// Of a new run. Throws std::runtime_error where the ROM cannot be read.
+    /// For a new run. Throws std::runtime_error where the ROM cannot be read.
     Metadata(const std::filesystem::path& run_dir, const RunIdentity& identity, const Sitting& sitting);
-    /// Those of a run that is resumed; none where it has no metadata.json. Throws std::runtime_error, with
-    /// the way out, where the file is damaged: it is left as it is.
+    /// Reads those of a run that is resumed; none if it has no metadata.json. Throws std::runtime_error, with
+    /// a remedy, for a damaged file, which is left unchanged.
     static std::optional<Metadata> read(const std::filesystem::path& run_dir);
     ~Metadata();
     Metadata(Metadata&&) noexcept;
     Metadata& operator=(Metadata&&) noexcept;
 
-    /// Of the first sitting; none where it is not said.
+    /// Of the first session; none if not recorded.
     std::optional<int> threads() const;
 
-    /// A sitting begins. `trained_seconds`: the run's before it, where the file does not say.
+    /// Begins a session. `trained_seconds`: the run's earlier training time, used if the file does not record
+    /// it.
     void resume(const Sitting& sitting, double trained_seconds);
     void add_change(const std::string& changes);
     /// The key of the setting by which a schedule lasts for the whole run; empty: there is none.
@@ -59,7 +60,7 @@ class Metadata {
     void finish();
     void stop(const std::string& why);
 
-    /// Brings wall_seconds up to date and writes the file. Throws std::system_error.
+    /// Updates wall_seconds and writes the file. Throws std::system_error.
     void write();
 
   private:
@@ -67,7 +68,7 @@ class Metadata {
     explicit Metadata(const std::filesystem::path& run_dir);
     std::filesystem::path file_;
     std::unique_ptr<Contents> contents_;
-    double seconds_before_ = 0;  // of earlier sittings
+    double seconds_before_ = 0;  // of earlier sessions
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 

@@ -1,4 +1,4 @@
-// The policy file of a checkpoint: what the agent says of its policy, and what the run says.
+// The policy file of a checkpoint, made from the agent's policy and the run's description.
 #pragma once
 
 #include <optional>
@@ -13,14 +13,14 @@ namespace cale {
 struct TrainingWorld;
 struct TrainOptions;
 
-/// What becomes a policy file.
+/// The contents of a policy file.
 struct PolicySnapshot {
     AgentPolicy agent;
-    PolicyInfo info;  // all but what the agent says
+    PolicyInfo info;  // except for the agent's part
 };
 
-/// Returns what a policy file says of a run, but for the step that it has come to; none of a world whose
-/// policies have no file.
+/// Returns a run's description for the policy file, without the current step; none for a world without policy
+/// files.
 std::optional<PolicyInfo> run_policy_info(const TrainingWorld& world, const RunSettings& settings,
                                           const TrainOptions& options);
 

@@ -1,4 +1,4 @@
-// What every training program does around its algorithm.
+// The main program around a training algorithm.
 #pragma once
 
 #include <cstdint>
@@ -16,36 +16,36 @@
 
 namespace cale {
 
-/// One algorithm in one kind of world, ready to be trained: its settings are in the table already.
+/// One algorithm in one kind of world, with its settings in the table.
 struct TrainingProgram {
     std::string name;                                                    // "train_sac"
     std::string agent_name;                                              // "sac"
     std::string description;                                             // for --help
-    ConfigTable& table;                                                  // refers to all the rest
+    ConfigTable& table;                                                  // refers to all settings
     RunSettings& settings;                                               // sections train, eval and log
     std::int64_t& num_envs;                                              // env.num_envs
-    std::function<TrainingWorld()> world;                                // of the settings
-    std::function<AgentSpec()> spec;                                     // what the settings say of it
+    std::function<TrainingWorld()> world;                                // made from the settings
+    std::function<AgentSpec()> spec;                                     // made from the settings
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
-    bool several_processes = false;                    // can train one agent together: see ProcessGroup
+    bool several_processes = false;                    // may train one agent together: see ProcessGroup
     std::function<std::string()> schedule_over_run{};  // see AgentSpec
-    /// Throws std::runtime_error unless the agent fits into so many bytes. None: it is not known beforehand.
+    /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
     std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
 };
 
 /// Reads the command line, makes or opens the run's folder, trains.
 /// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
-/// 130 interrupted after a checkpoint. Whatever is wrong is one sentence on stderr.
+/// 130 interrupted after a checkpoint. Every error is one sentence on stderr.
 int run_program(const TrainingProgram& program, int argc, const char* const* argv);
 
-/// Whether an agent makes use of AgentSpec::processes: its settings say so by kSeveralProcesses.
+/// Returns whether an agent uses AgentSpec::processes: its settings declare kSeveralProcesses.
 template <class AgentConfig>
 constexpr bool trains_in_several_processes() {
     if constexpr (requires { AgentConfig::kSeveralProcesses; }) return AgentConfig::kSeveralProcesses;
     return false;
 }
 
-/// The setting by which a schedule of the agent lasts for the whole run; empty: there is none. See AgentSpec.
+/// Returns the key of the setting by which a schedule lasts for the whole run, or "". See AgentSpec.
 template <class AgentConfig>
 std::string find_schedule_over_run(const AgentConfig& config) {
     if constexpr (requires { schedule_over_run(config); }) return std::string(schedule_over_run(config));

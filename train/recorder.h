@@ -1,4 +1,4 @@
-// What a run leaves behind while it trains: rows, evaluations, checkpoints, and a line on the console.
+// The outputs of a run: log rows, evaluations, checkpoints, and console lines.
 #pragma once
 
 #include <cstdint>
@@ -19,23 +19,23 @@
 
 namespace cale {
 
-/// Of several processes the first one writes; the others take part in what all must do together, and are
-/// silent.
+/// With several processes only the first one writes; the others take part in the collective operations.
 class Recorder {
   public:
-    /// Opens the run's files, at the place where `resumed` stood. The arguments must outlive it.
+    /// Opens the run's files, at the position of `resumed`. The arguments must outlive it.
     Recorder(Agent& agent, Collector& collector, RunState& state, const TrainingWorld& world,
              const RunSettings& settings, const TrainOptions& options, const Checkpoint* resumed);
     ~Recorder();
 
-    /// Before the first step: the first checkpoint, and the evaluation that the last sitting owed.
+    /// Must be called before the first step: writes the first checkpoint and makes an evaluation that was
+    /// interrupted.
     void begin();
-    /// After an agent step everywhere: `before` is the run's step before it, `ended` the episodes that it
-    /// ended.
+    /// Must be called after an agent step of all environments: `before` is the run's step before it, `ended`
+    /// the episodes that ended in it.
     void after_step(std::int64_t before, std::vector<Episode>& ended);
-    /// Returns whether the run is to end early; several processes agree on it.
+    /// Returns whether the run must end early; the same in all processes.
     bool stop() const { return stop_; }
-    /// After the last step: the last checkpoint, evaluation, row and curve.
+    /// Must be called after the last step: writes the last checkpoint, evaluation, row and curve.
     Outcome finish();
 
     TimeSplit time;  // since the newest row
@@ -67,7 +67,7 @@ class Recorder {
     const TrainOptions& options_;
     const Checkpoint* resumed_;
     std::unique_ptr<Files> files_;    // of the first process
-    std::int64_t written_step_ = -1;  // of the newest checkpoint of this sitting
+    std::int64_t written_step_ = -1;  // of the newest checkpoint of this session
     bool stop_ = false;
 };
 

@@ -15,13 +15,13 @@ namespace cale {
 
 struct TrainingWorld;
 
-/// What the loop needs to know beside the configuration.
+/// The loop's inputs besides the configuration.
 struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
     bool resume = false;
-    /// Called once the run's state has been loaded, with the seconds that it has been trained for so far.
+    /// Called once the run's state has been loaded, with the seconds of training so far.
     std::function<void(double)> resumed = {};
-    std::function<void()> checkpointed = {};  // called whenever a checkpoint has been begun
+    std::function<void()> checkpointed = {};  // called whenever a checkpoint is started
     bool changed = false;                     // with resume: settings differ from the checkpoint's
     bool progress_bar = true;
     ProcessGroup processes{};  // that train together; the first one writes the files
@@ -34,11 +34,11 @@ enum class Outcome { finished, interrupted };
 
 /// Trains `agent` for train.total_steps agent steps and leaves in the run's folder
 /// progress.csv, episodes.csv, TensorBoard events, checkpoints/, learning_curve.svg and,
-/// if evaluations were asked for, eval/ and videos/.
+/// if evaluations are enabled, eval/ and videos/.
 ///
-/// SIGINT and SIGTERM end it early, after a checkpoint; a second one ends the program at once.
-/// Throws std::runtime_error where the disk fails or a logged value is not finite (the
-/// checkpoints before are intact), and ResumeError.
+/// SIGINT and SIGTERM end it early, after a checkpoint; a second signal ends the program at once. Throws
+/// std::runtime_error if the disk fails or a logged value is not finite (earlier checkpoints are intact), and
+/// ResumeError.
 Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
               const TrainOptions& options);
 

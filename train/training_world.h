@@ -23,7 +23,7 @@
 
 namespace cale {
 
-/// What programs, logs and evaluations need to know of a world.
+/// The description of a world for programs, logs and evaluations.
 struct TrainingWorld {
     std::string id;                    // of tables and pages: "ALE/Pong-v5"
     std::string name;                  // of run folders: "Pong"
@@ -34,26 +34,26 @@ struct TrainingWorld {
     std::filesystem::path rom{};       // the game's file; empty: there is none
 
     MakeWorld make;
-    /// Plays so many games with `decide`; what happens follows from the seed. Films the first one to `video`,
-    /// unless that is empty or there is nothing to film.
+    /// Plays `games` games with `decide`, deterministically given the seed. Films the first one to `video`,
+    /// unless that is empty or the world cannot be filmed.
     std::function<Evaluation(const Decide& decide, std::int64_t games, std::uint64_t seed,
                              const std::filesystem::path& video)>
         evaluate;
     bool can_film = false;
 
-    /// What a policy file says of the world; null: policies that act in it have none.
+    /// The world's description in a policy file; null: no policy files in this world.
     std::function<PolicyInfo()> policy_info{};
 
     std::optional<double> random_score{}, human_score{};  // mean returns, where they are known
-    /// What the header of a run says of it, with the actions that it turned out to have.
+    /// The world's lines in the header of a run, given its action space.
     std::function<std::vector<std::pair<std::string, std::string>>(const ActionSpace&)> facts;
 };
 
-/// Returns that of an Atari game. Throws std::invalid_argument for an unknown game and std::runtime_error for
-/// a ROM that is missing.
+/// Returns the world of an Atari game. Throws std::invalid_argument for an unknown game and
+/// std::runtime_error for a ROM that is missing.
 TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval);
 
-/// Returns that of any other configuration; see the top of this file.
+/// Returns the world of any other configuration; see the top of this file.
 template <class WorldConfig>
 TrainingWorld training_world(const WorldConfig& config, const EvalConfig&) {
     const auto make = [config](std::span<const std::uint32_t> seeds) { return make_world(config, seeds); };

@@ -20,15 +20,14 @@
 
 namespace cale {
 
-/// Loaded once and never changed: any number of threads may act with it at the same time. A copy shares the
-/// weights.
+/// Immutable once loaded: any number of threads may act with it at the same time. A copy shares the weights.
 class Policy {
   public:
-    /// Reads a policy file (docs/policy_file.md) and checks all of it, to the golden output that its network
-    /// must give for its golden input on this device. Nothing in a file is executed: a stranger's may be
-    /// opened. Throws std::runtime_error, one sentence with the file's name and what is wrong with it.
+    /// Reads a policy file (docs/policy_file.md) and checks all of it, including that its network reproduces
+    /// the golden output on this device. Nothing in a file is executed: untrusted files are safe to open.
+    /// Throws std::runtime_error, one sentence with the file's name and what is wrong with it.
     static Policy load(const std::filesystem::path& file, torch::Device device = torch::kCPU);
-    /// The same for the contents of a file; `name` is what errors call it.
+    /// The same for the contents of a file; `name` identifies it in errors.
     static Policy parse(std::string_view contents, const std::string& name = "policy",
                         torch::Device device = torch::kCPU);
 
@@ -49,12 +48,12 @@ class Policy {
     /// The same by `choice`, with the caller's generator.
     Decision act(std::span<const std::uint8_t> observation, Choice choice, at::Generator random) const;
 
-    /// What the network says, float32 on the CPU: [N, 6] for the continuous joystick (the means of the
+    /// Returns the network's output, float32 on the CPU: [N, 6] for the continuous joystick (the means of the
     /// Gaussian before the tanh, then the logarithms of its standard deviations), else [N, A]:
     /// log-probabilities, or action values.
     torch::Tensor output(const torch::Tensor& observations) const;
-    /// Whether those are action values: discounted sums of the rewards that the agent learned from, clipped
-    /// or scaled as it was told.
+    /// Whether output() holds action values: discounted sums of the rewards that the agent learned from,
+    /// clipped and scaled as in its settings.
     bool gives_action_values() const;
 
   private:

@@ -1,5 +1,5 @@
-// Named tensors in a file, in the safetensors format: data only, so that loading one
-// executes nothing and a stranger's file may be opened. The format: policy/stored_tensors.h
+// Named tensors in a file, in the safetensors format: data only, so that loading executes nothing and
+// untrusted files are safe to open. The format: policy/stored_tensors.h
 #pragma once
 
 #include <filesystem>
@@ -22,10 +22,10 @@ struct SafetensorsFile {
 /// Reads a whole file. Everything is checked before memory is allocated for it, which is
 /// never much more than the file's size. Throws std::runtime_error that names the file and what is wrong.
 SafetensorsFile load_safetensors(const std::filesystem::path& path);
-/// The same for the contents of a file, which is named as `path`.
+/// The same for the contents of a file; errors name it `path`.
 SafetensorsFile parse_safetensors(std::string_view contents, const std::filesystem::path& path);
 
-/// The pieces of a file, one behind the other.
+/// The pieces of a file, in order.
 struct SafetensorsPieces {
     std::string header;
     std::vector<torch::Tensor> tensors;  // on the CPU, contiguous
