@@ -15,9 +15,9 @@ Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tens
     const auto advantage = torch::zeros_like(reward);
     auto following_value = next_value, following_advantage = torch::zeros_like(next_value);
     for (std::int64_t t = reward.size(0) - 1; t >= 0; --t) {
-        const auto goes_on = 1 - terminal[t];
-        const auto delta = reward[t] + gamma * following_value * goes_on - value[t];
-        following_advantage = delta + gamma * lambda * goes_on * following_advantage;
+        const auto not_done = 1 - terminal[t];
+        const auto delta = reward[t] + gamma * following_value * not_done - value[t];
+        following_advantage = delta + gamma * lambda * not_done * following_advantage;
         following_value = value[t];
         advantage[t] = following_advantage;
     }

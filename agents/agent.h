@@ -74,6 +74,9 @@ struct AgentPolicy {
     double epsilon = 0;    // probability of a uniform action
 };
 
+/// Returns whether a policy file can hold actions of this world: those of a set, or of CALE's joystick.
+bool has_exportable_actions(const AgentSpec& spec);
+
 /// Returns the policy of a network with a member `acting`, such as SacNetwork.
 template <class Network>
 AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {
@@ -88,7 +91,7 @@ class Agent {
   public:
     virtual ~Agent() = default;
 
-    /// Returns one action for each observation [N, stack, H, W] uint8: [N, 3] float32, or [N] int64.
+    /// Returns one action for each observation [N, stack, H, W] uint8: [N, A] float32, or [N] int64.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
     /// Records the outcome of the actions. Called once per agent step.

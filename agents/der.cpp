@@ -112,9 +112,7 @@ struct Der : QState {
     static constexpr bool kDrawsInUpdates = true;
 
     Der(const DerConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, head_of(settings)),
-          config(settings),
-          device(spec.device) {}
+        : QState(settings, spec, head_of(settings)), config(settings), device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         // With one draw for all, the environments would explore alike. Evaluation is free of noise.

@@ -82,8 +82,6 @@ class AgentReplay {
     /// Returns how many of the decisions that the newest advance() counted have a number that is a multiple
     /// of `period`. Decisions are numbered from 0 over a run.
     std::int64_t due(std::int64_t period) const;
-    /// Returns the number of decisions counted so far.
-    std::int64_t decisions() const { return decisions_; }
     /// Returns epsilon for the next decision: 1 during the warm-up, then as `settings` say.
     double epsilon(const EpsilonSettings& settings) const;
 
@@ -162,7 +160,8 @@ struct Acting {
 
 /// An agent that learns from a replay. `Algorithm` has
 ///     Algorithm(const Config&, const AgentSpec&)       networks, targets, optimisers
-///     Config config                                    with `replay`, `epsilon`, kName and kDiscrete
+///     Config config                                    with `replay`, `epsilon`, `learning_rate`, kName
+///                                                  and kDiscrete
 ///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
 ///                                                      graph (agents/captured_update.h)
 ///     Tensor act(const Tensor& observations, const Acting&)
@@ -231,7 +230,8 @@ class OffPolicy final : public Agent {
     }
     std::optional<AgentPolicy> policy() const override {
         if constexpr (requires { algorithm_.network->acting; })
-            return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
+            if (has_exportable_actions(spec_))
+                return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
         return std::nullopt;
     }
     Replay* replay() override { return &replay_.buffer(); }
@@ -263,6 +263,8 @@ class OffPolicy final : public Agent {
         const Batch batch = replay_.sample();
         ++gradient_steps_;
         if constexpr (requires { algorithm_.config.actor_period; }) {
+            static_assert(
+                !requires { newest_->priorities; }, "a step without the actor gives no priorities");
             if (gradient_steps_ % algorithm_.config.actor_period != 0) {
                 critics_step_([&] { algorithm_.learn(batch, random_.updates, /*with_actor=*/false); });
                 return;

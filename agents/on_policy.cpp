@@ -163,6 +163,7 @@ class OnPolicy final : public Agent {
     }
 
     std::optional<AgentPolicy> policy() const override {
+        if (!has_exportable_actions(spec_)) return std::nullopt;
         const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
         return policy_of_network(state_.network, /*samples=*/true,
                                  uniform ? settings_.epsilon.epsilon_eval : 0);

@@ -20,7 +20,7 @@ std::span<const std::string_view> names_of(CriticTarget) {
 
 namespace {
 
-/// y of SAC's equation 3: the reward and the soft value of what follows.
+/// y of SAC's equation 5: the reward and the soft value of what follows.
 torch::Tensor target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
                             const Batch& batch, const SacNoise& noise, const SacConfig& config) {
     const torch::NoGradGuard no_grad;
@@ -57,7 +57,7 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
                      .target_values = y};
     if (!with_actor) return losses;
 
-    // Actor, SAC's equation 9, with the clipped double Q of its section 5.
+    // Actor, SAC's equation 9, with its two Q-functions' minimum.
     const auto policy = network->policy(features);
     const auto pi = sample(policy, noise.actor, network->box);
     const auto q_pi = network->values(critic_z.detach(), pi.action).minimum();

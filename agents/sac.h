@@ -43,7 +43,7 @@ void fields(SacConfig& config, Visit&& visit) {
           "actor's sample, as in Haarnoja et al.");
 }
 
-/// Standard normal numbers of one update, [B, 3] each.
+/// Standard normal numbers of one update, [B, A] each.
 struct SacNoise {
     torch::Tensor target;  // for the action at the next state
     torch::Tensor actor;   // for the action at the state
@@ -58,7 +58,7 @@ struct SacLosses {
     torch::Tensor q1, q2;            // [B] values of the stored actions
     torch::Tensor target_values;     // [B] y
     torch::Tensor entropy = {};      // [B] -log pi of the actor's own sample
-    torch::Tensor mean_action = {};  // [B, 3] of the actor
+    torch::Tensor mean_action = {};  // [B, A] of the actor
 };
 
 /// A pure function of its arguments. `log_alpha` is [1]. Without the actor, the losses of the critics alone.

@@ -53,7 +53,7 @@ std::string reason(const std::exception& error) {
 }
 
 /// Where the processes find each other. torchrun serves this place itself, anew after each restart.
-c10::intrusive_ptr<c10d::Store> meeting_place(const ProcessPlace& place) {
+c10::intrusive_ptr<c10d::Store> meeting_place(const ProcessRank& place) {
     const bool served = variable("TORCHELASTIC_USE_AGENT_STORE") == "True";
     c10d::TCPStoreOptions options;
     options.port = place.master_port;
@@ -92,10 +92,10 @@ ProcessGroup::TensorMap unpacked(const Bytes& bytes) {
 
 }  // namespace
 
-std::optional<ProcessPlace> place_from_environment() {
+std::optional<ProcessRank> rank_from_environment() {
     const auto world = variable("WORLD_SIZE");
     if (!world) return std::nullopt;
-    ProcessPlace place;
+    ProcessRank place;
     place.size = number("WORLD_SIZE", *world, 1, 4096);
     if (place.size == 1) return std::nullopt;
     place.rank = number("RANK", required("RANK", place.size), 0, place.size - 1);
@@ -108,7 +108,7 @@ std::optional<ProcessPlace> place_from_environment() {
 }
 
 struct ProcessGroup::Impl {
-    Impl(const ProcessPlace& place_, c10::Device device_, std::chrono::milliseconds timeout)
+    Impl(const ProcessRank& place_, c10::Device device_, std::chrono::milliseconds timeout)
         : place(place_), device(device_) {
         try {
             const auto store = meeting_place(place);
@@ -175,12 +175,12 @@ struct ProcessGroup::Impl {
         return gathered;
     }
 
-    ProcessPlace place;
+    ProcessRank place;
     c10::Device device;
     c10::intrusive_ptr<c10d::Backend> host, on_device;
 };
 
-ProcessGroup::ProcessGroup(const ProcessPlace& place, c10::Device device, std::chrono::milliseconds timeout)
+ProcessGroup::ProcessGroup(const ProcessRank& place, c10::Device device, std::chrono::milliseconds timeout)
     : impl_(std::make_shared<const Impl>(place, device, timeout)) {}
 
 int ProcessGroup::rank() const {

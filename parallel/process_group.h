@@ -15,7 +15,7 @@
 namespace cale {
 
 /// Which of a run's processes this one is, and where they meet.
-struct ProcessPlace {
+struct ProcessRank {
     int rank = 0;                       // 0 is the first
     int size = 1;                       // how many there are
     int local_rank = 0;                 // among those on this machine
@@ -27,7 +27,7 @@ struct ProcessPlace {
 /// What torchrun says, and what a line with srun can say, in the environment: WORLD_SIZE, RANK, MASTER_ADDR,
 /// MASTER_PORT, and for several on a machine LOCAL_RANK and LOCAL_WORLD_SIZE. None where WORLD_SIZE is
 /// missing or 1. Throws std::invalid_argument, naming the variable, where one is missing or makes no sense.
-std::optional<ProcessPlace> place_from_environment();
+std::optional<ProcessRank> rank_from_environment();
 
 /// Copies are the same group. All processes must make the same calls in the same order. A call ends with
 /// std::runtime_error, in one sentence, when another process ends or none of them answers in time.
@@ -40,7 +40,7 @@ class ProcessGroup {
     ProcessGroup() = default;
     /// Meets the others. Tensors on the CPU travel by Gloo; those on `device`, if it is a CUDA device, by
     /// NCCL. `timeout`: how long a call waits for the others, which may be evaluating meanwhile.
-    ProcessGroup(const ProcessPlace& place, c10::Device device,
+    ProcessGroup(const ProcessRank& place, c10::Device device,
                  std::chrono::milliseconds timeout = std::chrono::minutes(30));
 
     int rank() const;                            // this one's number, from 0

@@ -115,7 +115,7 @@ void draw(cv::Mat& image, const Area& area) {
     cv::addWeighted(painted, area.opacity, below, 1 - area.opacity, 0, below);
 }
 
-void draw(cv::Mat& image, const Words& words) {
+void draw(cv::Mat& image, const Text& words) {
     // The height of a capital of Hershey's simplex is 21 of its units; that of a sans serif 0.72 em.
     const double scale = 0.66 * words.size * kScale / 21.0;
     const int thickness = static_cast<int>(std::lround((words.bold ? 1.8 : 1.1) * kScale * words.size / 13));

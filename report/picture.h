@@ -42,7 +42,7 @@ Area diamond(Point centre, double radius, Colour colour);
 
 enum class Anchor { start, middle, end };
 
-struct Words {
+struct Text {
     std::string text;  // UTF-8; a PNG shows ASCII only
     Point position;    // of the baseline, where `anchor` says
     Colour colour;
@@ -59,7 +59,7 @@ struct Picture {
     std::vector<Area> areas{};
     std::vector<Line> lines{};
     std::vector<Area> marks{};
-    std::vector<Words> words{};
+    std::vector<Text> words{};
 };
 
 /// About how wide `text` is drawn, rather more than less: fonts differ.

@@ -222,22 +222,25 @@ void print_configs(std::string_view program, Arguments& arguments, ConfigTable& 
 
 }  // namespace
 
-c10::Device find_device(const std::string& wish, std::uint64_t gpus, std::optional<std::uint64_t> own_index) {
-    check_device(wish);
-    if (wish == "cpu" || (wish == "auto" && gpus == 0)) return c10::kCPU;
+c10::Device find_device(const std::string& requested, std::uint64_t gpus,
+                        std::optional<std::uint64_t> own_index) {
+    check_device(requested);
+    if (requested == "cpu" || (requested == "auto" && gpus == 0)) return c10::kCPU;
     if (gpus == 0) {
         throw ConfigError(
             fmt::format("--device {}: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
                         "--cuda on a machine with an NVIDIA GPU",
-                        wish));
+                        requested));
     }
-    const auto colon = wish.find(':');
-    const auto index =
-        colon == wish.npos ? own_index : number_in<std::uint64_t>(std::string_view(wish).substr(colon + 1));
+    const auto colon = requested.find(':');
+    const auto index = colon == requested.npos
+                           ? own_index
+                           : number_in<std::uint64_t>(std::string_view(requested).substr(colon + 1));
     if (!index) return c10::kCUDA;
     if (*index >= gpus) {
-        throw ConfigError(fmt::format(
-            "--device {}: cuda:{} is not there; this machine has {}, counted from 0", wish, *index, gpus));
+        throw ConfigError(
+            fmt::format("--device {}: cuda:{} is not there; this machine has {}, counted from 0", requested,
+                        *index, gpus));
     }
     return {c10::kCUDA, static_cast<c10::DeviceIndex>(*index)};
 }

@@ -57,7 +57,7 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 /// machine with `gpus` GPUs (torch::cuda::device_count()). `own_index` is the index that plain cuda stands
 /// for; without it, the current device. Throws ConfigError for another name and for a device that does not
 /// exist.
-c10::Device find_device(const std::string& wish, std::uint64_t gpus,
+c10::Device find_device(const std::string& requested, std::uint64_t gpus,
                         std::optional<std::uint64_t> own_index = std::nullopt);
 
 /// "train_sac 0.1.0 (LibTorch 2.11.0, ALE 0.12.1)"

@@ -7,7 +7,7 @@
 //     ConfigTable table;
 //     table.add("env", env);
 //     table.add("agent", agent);
-//     table.load("configs/sac/cale.yaml");
+//     table.load("configs/sac/200m.yaml");
 //     table.set_override("env.game=breakout");
 #pragma once
 

@@ -14,7 +14,7 @@
 #include <sys/types.h>
 
 #include "sweep/child.h"
-#include "sweep/refusal.h"
+#include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
 #include "sweep/sweep_console.h"
 #include "terminal/console.h"
@@ -143,7 +143,7 @@ class LocalRunner {
             return;
         }
         // Another sweep may have been at work while this one waited.
-        if (const auto reason = refusal(planned, job.folder); !reason.empty()) {
+        if (const auto reason = config_mismatch(planned, job.folder); !reason.empty()) {
             job.status.state = RunPhase::refused;
             job.status.message = reason;
             return say("REFUSED", job, reason);
@@ -199,7 +199,7 @@ class LocalRunner {
                                                    : std::string()));
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
-        const auto words = last_words(job.folder);
+        const auto words = last_log_line(job.folder);
         const bool hopeless = end.exit_code == kUsage || end.exit_code == kCannotResume;
         if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;
         failed(job, text_of(end) + (end.exit_code >= 0 && !words.empty() ? ": " + words : ""), !hopeless);

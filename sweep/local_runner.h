@@ -18,7 +18,8 @@ struct LocalOptions {
 };
 
 /// Trains what is not finished yet, each run in the subfolder of `folder` with its name, and returns
-/// 0 when all are finished, 1 when some failed or are refused (see refusal()), 130 when it was interrupted.
+/// 0 when all are finished, 1 when some failed or are refused (see config_mismatch()), 130 when it was
+/// interrupted.
 ///
 /// A run that fails is retried from its newest checkpoint, after the waiting runs; one that rejects its
 /// command line or its checkpoints (exit codes 2 and 3) is not. A run in whose folder another process is

@@ -127,7 +127,7 @@ fs::path output_file(const fs::path& folder) {
     return folder / kOutput;
 }
 
-std::string last_words(const fs::path& folder) {
+std::string last_log_line(const fs::path& folder) {
     const auto text = without_line_end(tail(output_file(folder), 4096));
     return text.substr(text.rfind('\n') + 1);
 }

@@ -11,7 +11,7 @@
 namespace cale {
 
 /// waiting: no checkpoint yet. interrupted: it has a checkpoint to resume from. running: a living process is
-/// working in the folder. refused: the folder holds another run (see refusal()).
+/// working in the folder. refused: the folder holds another run (see config_mismatch()).
 enum class RunPhase { waiting, interrupted, running, finished, failed, refused };
 std::string_view name_of(RunPhase state);
 
@@ -45,7 +45,7 @@ void forget_failure(const std::filesystem::path& folder);
 std::filesystem::path output_file(const std::filesystem::path& folder);
 
 /// The last line that the run wrote to its terminal; empty where there is none.
-std::string last_words(const std::filesystem::path& folder);
+std::string last_log_line(const std::filesystem::path& folder);
 
 /// A lock on starting the run of a folder. A process that inherits the descriptor holds the lock for as long
 /// as it lives, even if the process that took it ends; the operating system then releases it. It is beside

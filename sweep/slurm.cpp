@@ -11,7 +11,7 @@
 
 #include "settings/config.h"
 #include "storage/files.h"
-#include "sweep/refusal.h"
+#include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"
 

@@ -13,9 +13,9 @@
 
 #include "settings/config.h"
 #include "storage/files.h"
+#include "sweep/config_mismatch.h"
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
-#include "sweep/refusal.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"
 #include "sweep/slurm.h"
@@ -107,7 +107,7 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
-        if (const auto reason = refusal(planned, place.folder); !reason.empty()) {
+        if (const auto reason = config_mismatch(planned, place.folder); !reason.empty()) {
             fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
             exit_code = 1;
         } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
@@ -143,7 +143,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     std::vector<std::string> names;
     std::string refused;
     for (const auto& planned : runs) {
-        const auto reason = refusal(planned, folder / planned.run.name);
+        const auto reason = config_mismatch(planned, folder / planned.run.name);
         if (reason.empty()) {
             names.push_back(planned.run.name);
         } else {

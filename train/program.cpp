@@ -40,7 +40,7 @@ namespace {
 enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
 
 /// The other processes that this one was started with, once they are all there.
-ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const TrainingProgram& program,
+ProcessGroup join_processes(const std::optional<ProcessRank>& place, const TrainingProgram& program,
                             torch::Device device) {
     if (!place) return {};
     try {
@@ -56,10 +56,10 @@ ProcessGroup join_processes(const std::optional<ProcessPlace>& place, const Trai
 }
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
-std::optional<ProcessPlace> find_place(const TrainingProgram& program) {
-    std::optional<ProcessPlace> place;
+std::optional<ProcessRank> find_place(const TrainingProgram& program) {
+    std::optional<ProcessRank> place;
     try {
-        place = place_from_environment();
+        place = rank_from_environment();
     } catch (const std::invalid_argument& error) {
         throw ConfigError(error.what());
     }
@@ -80,10 +80,10 @@ std::optional<ProcessPlace> find_place(const TrainingProgram& program) {
 }
 
 /// Several processes on a machine take a CUDA device each.
-torch::Device choose_device(const std::string& wish, const std::optional<ProcessPlace>& place) {
+torch::Device choose_device(const std::string& requested, const std::optional<ProcessRank>& place) {
     const auto gpus = torch::cuda::device_count();
-    if (!place) return find_device(wish, gpus);
-    return find_device(wish, gpus, static_cast<std::uint64_t>(place->local_rank));
+    if (!place) return find_device(requested, gpus);
+    return find_device(requested, gpus, static_cast<std::uint64_t>(place->local_rank));
 }
 
 /// A resumed run goes on with the number it was started with: sums on other numbers of threads

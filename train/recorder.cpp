@@ -300,7 +300,6 @@ std::map<std::string, double> Recorder::newest_metrics() {
 
 // Checkpoints -----------------------------------------------------------------------------
 
-/// All processes call it: the first one's checkpoints hold the state of all.
 /// None of a world or an agent whose policies are not exported.
 std::optional<PolicySnapshot> Recorder::policy_snapshot() const {
     if (!files_->policy_info) return std::nullopt;
@@ -313,6 +312,7 @@ std::optional<PolicySnapshot> Recorder::policy_snapshot() const {
     return snapshot;
 }
 
+/// All processes call it: the first one's checkpoints hold the state of all.
 void Recorder::write_checkpoint() {
     written_step_ = state_.step;
     if (!files_) {

@@ -40,8 +40,8 @@ class World {
     virtual void reset(std::span<std::uint8_t> frames) = 0;
 
     /// One agent step of every environment, written straight into the caller's memory.
-    ///   frames        N x frame_size: the newest array; where the episode was over, the first one of the
-    ///   next final_frames  N x frame_size: written only where the episode was over, with its last array
+    ///   frames        N x frame_size: the newest array, or the next episode's first
+    ///   final_frames  N x frame_size: an episode's last array, written only where one is over
     ///   results       N
     /// Throws what a bad action deserves, after all environments have finished the step.
     virtual void step(const Actions& actions, std::span<std::uint8_t> frames,

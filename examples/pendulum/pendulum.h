@@ -76,7 +76,9 @@ class Pendulum {
     }
 
   private:
-    double between(double low, double high) { return low + (high - low) * random_() / 4294967296.0; }
+    double between(double low, double high) {
+        return low + (high - low) * static_cast<double>(random_()) / 4294967296.0;
+    }
 
     std::mt19937 random_;
     double angle_ = 0, speed_ = 0;  // radians from the top, radians a second

@@ -136,16 +136,16 @@ class Environment : public testing::Test {
 };
 
 TEST_F(Environment, SaysWhereAProcessIs) {
-    EXPECT_FALSE(place_from_environment());
+    EXPECT_FALSE(rank_from_environment());
     set("WORLD_SIZE", "1");
-    EXPECT_FALSE(place_from_environment());
+    EXPECT_FALSE(rank_from_environment());
     set("WORLD_SIZE", "4");
     set("RANK", "3");
     set("MASTER_ADDR", "node1");
     set("MASTER_PORT", "1234");
     set("LOCAL_RANK", "1");
     set("LOCAL_WORLD_SIZE", "2");
-    const auto place = place_from_environment();
+    const auto place = rank_from_environment();
     ASSERT_TRUE(place);
     EXPECT_EQ(place->size, 4);
     EXPECT_EQ(place->rank, 3);
@@ -160,16 +160,16 @@ TEST_F(Environment, MistakesNameTheVariable) {
         return ThrowsMessage<std::invalid_argument>(HasSubstr(text));
     };
     set("WORLD_SIZE", "many");
-    EXPECT_THAT(place_from_environment, said("WORLD_SIZE=many: must be a whole number"));
+    EXPECT_THAT(rank_from_environment, said("WORLD_SIZE=many: must be a whole number"));
     set("WORLD_SIZE", "2");
-    EXPECT_THAT(place_from_environment, said("WORLD_SIZE=2 asks for several processes, but RANK is not set"));
+    EXPECT_THAT(rank_from_environment, said("WORLD_SIZE=2 asks for several processes, but RANK is not set"));
     set("RANK", "2");
-    EXPECT_THAT(place_from_environment, said("RANK=2: must be a whole number from 0 to 1"));
+    EXPECT_THAT(rank_from_environment, said("RANK=2: must be a whole number from 0 to 1"));
     set("RANK", "1");
-    EXPECT_THAT(place_from_environment, said("MASTER_ADDR is not set"));
+    EXPECT_THAT(rank_from_environment, said("MASTER_ADDR is not set"));
     set("MASTER_ADDR", "localhost");
     set("MASTER_PORT", "0");
-    EXPECT_THAT(place_from_environment, said("MASTER_PORT=0"));
+    EXPECT_THAT(rank_from_environment, said("MASTER_PORT=0"));
 }
 
 // PPO -----------------------------------------------------------------------------------

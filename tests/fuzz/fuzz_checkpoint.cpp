@@ -13,6 +13,7 @@
 #include "storage/files.h"
 #include "train/checkpoint.h"
 #include "train/collector.h"
+#include "train/training_world.h"
 
 namespace {
 
@@ -20,23 +21,23 @@ namespace fs = std::filesystem;
 using cale::TensorMap;
 
 /// A run of one small agent and one game, three steps old, with its checkpoint.
-struct World {
+struct TrainedRun {
     fuzz::Folder folder;
     fs::path run = folder / "run";
     std::unique_ptr<cale::Agent> agent = make_agent();
-    cale::Collector games{breakout(), 1};
+    cale::Collector games{cale::training_world(breakout(), {}).make, /*num_envs=*/1, /*seed=*/1};
     cale::RunState state;
     TensorMap good_games;
     cale::StoredCheckpoint good;
 
-    World() {
+    TrainedRun() {
         at::set_num_threads(1);
         fs::create_directories(run);
         std::vector<cale::Episode> ended;
         for (int step = 0; step < 3; ++step) {
             const auto actions = agent->act(games.observations(), cale::ActMode::train);
             games.step(actions);
-            games.take_in(actions, *agent, state, ended);
+            games.record(actions, *agent, state, ended);
         }
         good_games = games.state();
         good = cale::write_checkpoint(run, {.state = state, .agent = agent->state(), .games = good_games},
@@ -52,7 +53,7 @@ struct World {
         cale::DqnConfig config;
         config.hidden_units = 1;
         config.replay.replay_capacity = 100;
-        return cale::make_dqn(config, {.num_actions = 18});
+        return cale::make_dqn(config, {.action_space = cale::Discrete{18}});
     }
 
     void replace(const std::string& name, std::string_view bytes) const {
@@ -87,7 +88,7 @@ struct World {
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-    static World world;
+    static TrainedRun world;
     auto input = fuzz::text_of(data, size);
     const auto which = fuzz::take_number(input, 1) % 5;
     const std::array names{"manifest.json", "state.json", "agent.safetensors.zst", "games.safetensors"};

@@ -57,7 +57,7 @@ struct Box {
     double left, top, right, bottom;
 };
 
-Box box_of(const Words& words) {
+Box box_of(const Text& words) {
     const double width = text_width(words.text, words.size, words.bold) * 0.9;
     const double left = words.position.x - (words.anchor == Anchor::start    ? 0
                                             : words.anchor == Anchor::middle ? width / 2

@@ -68,7 +68,7 @@ std::optional<double> as_number(std::string text) {
     return number_in<double>(text);
 }
 
-/// Words are equal; numbers are after rounding to as many digits as were printed.
+/// Text are equal; numbers are after rounding to as many digits as were printed.
 bool agree(const std::string& printed, const std::string& stored) {
     const auto a = as_number(printed), b = as_number(stored);
     if (!a || !b) return printed == stored;

@@ -79,8 +79,8 @@ TEST_F(RunFolder, AFreshStartKeepsWhatTheRunSaid) {
     EXPECT_TRUE(fs::exists(folder_ / "run/.claim"));
     EXPECT_FALSE(fs::exists(folder_ / "run/episodes.csv"));
     EXPECT_FALSE(fs::exists(folder_ / "run/eval"));
-    EXPECT_EQ(last_words(folder_ / "run"), "last");
-    EXPECT_EQ(last_words(folder_ / "none"), "");
+    EXPECT_EQ(last_log_line(folder_ / "run"), "last");
+    EXPECT_EQ(last_log_line(folder_ / "none"), "");
 }
 
 TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {

@@ -46,7 +46,7 @@ std::vector<Case> cases() {
     };
 }
 
-/// Kills per run; more by hand: CALE_KILLS=30 test_experiment --gtest_filter='*ResumeSlow*'
+/// Kills per run; more by hand: CALE_KILLS=30 test_train --gtest_filter='*ResumeSlow*'
 int kills() {
     const char* wanted = std::getenv("CALE_KILLS");
     return wanted != nullptr ? std::atoi(wanted) : 2;

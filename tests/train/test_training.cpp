@@ -1,5 +1,6 @@
 // The training loop, with a small agent whose every call is known, and with SAC itself.
 #include "train/training.h"
+#include "train/training_world.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -104,7 +105,9 @@ class TrainingEmulator : public testing::Test {
         options.agent_name = "scribe";
     }
 
-    Outcome train(Agent& agent) { return cale::train(agent, env, train_config, eval, log, options); }
+    Outcome train(Agent& agent) {
+        return cale::train(agent, training_world(env, eval), {train_config, eval, log}, options);
+    }
     std::vector<std::string> lines(const std::string& name) const {
         std::istringstream text(read_file(folder.path() / name));
         std::vector<std::string> result;

@@ -14,7 +14,7 @@ namespace cale {
 ///
 /// Settings that change no result may differ, and the planned run may be longer. The comparison uses the
 /// run's config.yaml, which includes changes accepted on resume (--accept-changes).
-std::string refusal(const PlannedRun& planned, const std::filesystem::path& folder);
+std::string config_mismatch(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Where the planned run stands, RunPhase::refused among the answers.
 RunStatus status_of(const PlannedRun& planned, const std::filesystem::path& folder);

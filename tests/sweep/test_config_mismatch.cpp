@@ -1,5 +1,5 @@
 // Runs in the sweep's folder that are not the sweep's.
-#include "sweep/refusal.h"
+#include "sweep/config_mismatch.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ class Refusal : public testing::Test {
         folder_.write("run/config.yaml", config);
         fs::create_directories(folder_ / ("run/checkpoints/step_" + step));
     }
-    std::string reason() { return refusal(planned_, folder_ / "run"); }
+    std::string reason() { return config_mismatch(planned_, folder_ / "run"); }
     void plan(const std::string& key, const std::string& value) {
         planned_.run.settings.push_back({key, value});
     }
@@ -94,7 +94,7 @@ TEST_F(Refusal, ARunWhoseScheduleLastsForAllOfItKeepsItsLength) {
 TEST_F(Refusal, NothingCountsWithoutACheckpoint) {
     folder_.write("run/config.yaml", "agent: {loss: mse}\n");
     EXPECT_EQ(reason(), "") << "it starts anew";
-    EXPECT_EQ(refusal(planned_, folder_ / "none"), "");
+    EXPECT_EQ(config_mismatch(planned_, folder_ / "none"), "");
 }
 
 TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {

@@ -1,4 +1,4 @@
-#include "sweep/refusal.h"
+#include "sweep/config_mismatch.h"
 
 #include <cstdint>
 #include <exception>
@@ -61,7 +61,7 @@ std::string changes(const PlannedRun& planned, const Trained& trained) {
 
 }  // namespace
 
-std::string refusal(const PlannedRun& planned, const fs::path& folder) {
+std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     const auto step = newest_checkpoint(folder);
     if (!step) return "";
     try {
@@ -81,7 +81,7 @@ std::string refusal(const PlannedRun& planned, const fs::path& folder) {
 
 RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
     auto status = status_of(folder, planned.total_steps, planned.evaluates);
-    if (auto reason = refusal(planned, folder); !reason.empty()) {
+    if (auto reason = config_mismatch(planned, folder); !reason.empty()) {
         status.state = RunPhase::refused;
         status.message = std::move(reason);
     }
