@@ -25,7 +25,7 @@ struct Trained {
 };
 
 /// The program that trained the run knows what its schedules depend on. One of an older version did not say:
-/// then it objects when it is to go on.
+/// then it objects on resume.
 std::string schedule_over_run(const fs::path& folder) {
     std::error_code error;
     if (!fs::exists(folder / "metadata.json", error)) return "";

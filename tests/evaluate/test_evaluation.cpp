@@ -255,7 +255,7 @@ TEST(EvaluationEmulator, RefusesActionsOfAnotherKind) {
         return Chosen{.actions = torch::zeros({observations.size(0)}, torch::kInt64)};
     };
     EXPECT_THAT([&] { evaluate(discrete, plan); }, testing::ThrowsMessage<std::invalid_argument>(
-                                                       HasSubstr("continuous actions were asked for")));
+                                                       HasSubstr("continuous actions were expected")));
 }
 
 /// Five games with known results.
