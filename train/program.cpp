@@ -209,7 +209,7 @@ std::string joined(int argc, const char* const* argv) {
     return command;
 }
 
-/// What a run that is to be resumed says of itself. Throws ResumeError where it is damaged.
+/// Returns the metadata of a run that is to be resumed. Throws ResumeError if they are damaged.
 std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     try {
         return Metadata::read(run_dir);
@@ -218,7 +218,7 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     }
 }
 
-/// train(), whose end metadata.json remembers.
+/// Calls train() and records its end in metadata.json.
 Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
                         const TrainOptions& options, Metadata* metadata) {
     if (metadata == nullptr) return train(agent, world, settings, options);
@@ -276,7 +276,7 @@ void check_memory(const TrainingProgram& program, const TrainingWorld& world, co
 
 using Facts = std::vector<std::pair<std::string, std::string>>;
 
-/// What a run is, for who watches it.
+/// The description of a run for its console header.
 Facts header_of(const TrainingProgram& program, const TrainingWorld& world, const ActionSpace& actions,
                 const fs::path& run_dir, const std::string& machine) {
     const auto steps = program.settings.train.total_steps;
