@@ -25,7 +25,7 @@ namespace {
 /// The random streams of an agent. Their numbers are part of a run: another number is another seed.
 enum Stream : std::uint64_t { kInitialValues, kActing, kShuffling, kEvaluation };
 
-/// The group of an agent's processes; one process alone where there is none.
+/// Returns the group of an agent's processes; a single process if there is none.
 ProcessGroup group_of(const ProcessGroup* processes) {
     return processes != nullptr ? *processes : ProcessGroup();
 }

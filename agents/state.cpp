@@ -66,7 +66,7 @@ void restore(const StateParts& parts, const TensorMap& state) {
     for (const auto& [name, counter] : parts.counters)
         counters.emplace_back(counter, stored(name).item<std::int64_t>());
 
-    // In place: who else holds the generator goes on with it.
+    // In place, because others may hold the generator.
     for (const auto& [generator, value] : generators) generator->set_state(value.get_state());
     for (const auto& [engine, value] : engines) *engine = value;
     for (const auto& [counter, value] : counters) *counter = value;

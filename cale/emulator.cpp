@@ -47,7 +47,7 @@ void check_rom(const Game& game, const std::filesystem::path& file) {
                              content + ": replace it by the one that scripts/setup installs");
 }
 
-// ALE takes much for a state that is none.
+// ALE accepts many invalid states.
 unsigned long checksum(const std::string& bytes) {
     return crc32(0, reinterpret_cast<const Bytef*>(bytes.data()), static_cast<uInt>(bytes.size()));
 }
@@ -66,7 +66,7 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
             "sticky_probability is " + std::to_string(sticky_probability) +
             ": Double Dunk's menu, which ALE works with sticky actions in every reset, needs 0.99 or less");
     }
-    // The logger is shared by all of ALE, so it is told once.
+    // The logger is shared by all of ALE, so it is configured once.
     static const bool quiet = [] {
         ale::Logger::setMode(ale::Logger::Error);
         return true;

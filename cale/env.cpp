@@ -36,7 +36,7 @@ std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
     return {actions.begin(), actions.end()};
 }
 
-// The no-op starts must not be told by the sticky actions of the same seed.
+// The no-op starts must not be correlated with the sticky actions of the same seed.
 std::mt19937 noop_stream(std::uint32_t seed) {
     std::seed_seq sequence{seed, std::uint32_t{0x6e6f6f70}};
     return std::mt19937(sequence);

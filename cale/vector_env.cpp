@@ -162,7 +162,7 @@ struct VectorEnv::Impl {
     std::vector<std::exception_ptr> errors;
     ThreadTeam team;
     struct alignas(64) Share {
-        std::atomic<std::size_t> next = 0;  // the first of its environments that nobody has taken yet
+        std::atomic<std::size_t> next = 0;  // the first of its environments that no thread has taken yet
     };
     std::vector<Share> shares;
 };

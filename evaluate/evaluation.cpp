@@ -152,9 +152,9 @@ Chosen checked(Chosen chosen, std::int64_t games, bool continuous) {
     const auto wanted = continuous ? std::vector<std::int64_t>{games, 3} : std::vector<std::int64_t>{games};
     if (actions.sizes() != torch::IntArrayRef(wanted) ||
         actions.scalar_type() != (continuous ? torch::kFloat32 : torch::kInt64)) {
-        throw std::invalid_argument(fmt::format(
-            "{} actions were asked for, and this is what came: {} {}", continuous ? "continuous" : "discrete",
-            c10::toString(actions.scalar_type()), fmt::join(actions.sizes(), " x ")));
+        throw std::invalid_argument(
+            fmt::format("{} actions were expected, but got: {} {}", continuous ? "continuous" : "discrete",
+                        c10::toString(actions.scalar_type()), fmt::join(actions.sizes(), " x ")));
     }
     actions = actions.cpu().contiguous();
     if (values.defined()) values = values.to(torch::kCPU, torch::kFloat32).contiguous();
@@ -189,7 +189,7 @@ void add_up(Evaluation& evaluation) {
 torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space) {
     std::vector<std::int64_t> shape{static_cast<std::int64_t>(num_envs), space.stack};
     shape.insert(shape.end(), space.shape.begin(), space.shape.end());
-    // LibTorch knows no constant tensors: nobody writes through this one.
+    // LibTorch has no constant tensors; this one is never written through.
     return torch::from_blob(const_cast<std::uint8_t*>(stack.data().data()), shape, torch::kUInt8);
 }
 

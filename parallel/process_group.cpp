@@ -137,8 +137,8 @@ struct ProcessGroup::Impl {
             start()->wait();
         } catch (const std::exception& error) {
             fail(
-                "another process of this run has ended or does not answer, so this one ends too; go on "
-                "from the newest checkpoint with --resume",
+                "another process of this run has ended or does not answer, so this one ends too; "
+                "resume from the newest checkpoint with --resume",
                 error);
         }
     }

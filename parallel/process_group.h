@@ -14,7 +14,7 @@
 
 namespace cale {
 
-/// Which of a run's processes this one is, and where they meet.
+/// Which of a run's processes this one is, and where they rendezvous.
 struct ProcessRank {
     int rank = 0;                       // 0 is the first
     int size = 1;                       // how many there are

@@ -35,7 +35,7 @@ class Metronome {
     Clock::time_point next_ = Clock::now();
 };
 
-/// What the player sees, and has asked for.
+/// The player's view and commands.
 class Show {
   public:
     Show(const PlayPlan& plan, const Stage& stage)
@@ -58,7 +58,7 @@ class Show {
         while (true) {
             if (stage_.show) {
                 stage_.show(picture, fmt::format("{}: return {:g}{}", name_, scene.episode_return,
-                                                 paused ? " (paused: P goes on)" : ""));
+                                                 paused ? " (paused: P continues)" : ""));
             }
             metronome_.wait();
             const Command command = stage_.poll ? stage_.poll(hands_) : Command::none;

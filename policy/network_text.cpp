@@ -232,7 +232,7 @@ NetworkSpec parse_network(std::string_view text) {
                         .head = parse_head(EntryReader(parts.back()))};
     for (std::size_t i = 1; i + 1 < parts.size(); ++i)
         network.layers.push_back(parse_layer(EntryReader(parts[i])));
-    if (network_text(network) != text)  // 04 is 4, but nobody writes it
+    if (network_text(network) != text)  // reject 04 for 4
         throw FileDamage("its network is not written as cale export writes it");
     check_network(network);
     return network;

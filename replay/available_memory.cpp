@@ -23,7 +23,7 @@ std::optional<std::int64_t> number_of(const fs::path& file, const std::string& k
     return {};
 }
 
-// The number in a file that holds nothing else; "max" is none.
+// Returns the number in a file that contains only it; none for "max".
 std::optional<std::int64_t> number_in(const fs::path& file) {
     std::int64_t value = 0;
     if (std::ifstream(file) >> value) return value;

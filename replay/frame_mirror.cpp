@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t kStagedFrames = 64;
 
-/// Memory that a device other than the CPU reads while the host goes on.
+/// Memory that a device other than the CPU reads while the host continues.
 torch::Tensor on_host(at::IntArrayRef shape, at::ScalarType type, torch::Device read_by) {
     return torch::empty(shape, torch::dtype(type).pinned_memory(!read_by.is_cpu()));
 }

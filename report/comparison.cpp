@@ -116,7 +116,7 @@ void choose_games(Comparison& comparison) {
         std::vector<std::string_view> without;
         for (const auto& result : comparison.results)
             if (find_game_in(result, game.name) == nullptr) without.push_back(result.label);
-        if (without.size() == comparison.results.size()) continue;  // nobody played it
+        if (without.size() == comparison.results.size()) continue;  // no run played it
         if (!game.human_score || !game.random_score) {
             comparison.left_out_games.push_back(
                 {std::string(game.name), "there is no human score to normalise with"});

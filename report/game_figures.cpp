@@ -340,7 +340,7 @@ Picture event_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, bottom + 28,
-        fmt::format("part of the agent steps of {} at which the event was asked for; mean over the runs ({})",
+        fmt::format("part of the agent steps of {} at which the event was chosen; mean over the runs ({})",
                     comparison.config.score == ScoreKind::training ? "all of each run's training"
                                                                    : "each run's newest evaluation",
                     runs_text(comparison)));

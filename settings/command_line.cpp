@@ -28,7 +28,7 @@ constexpr TrainOption kOptions[] = {
     {"--seed", "N", "everything random follows from it", "train.seed"},
     {"--run-dir", "DIR", "folder for everything that the run writes"},
     {"--resume", "", "continue the run in --run-dir from its newest good checkpoint"},
-    {"--accept-changes", "", "with --resume: go on although settings of the agent or the training differ"},
+    {"--accept-changes", "", "with --resume: continue although settings of the agent or the training differ"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
     {"--threads", "N",
      "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
@@ -169,7 +169,7 @@ void check_trained_by(std::string_view program, const std::filesystem::path& run
     if (!metadata.is_object() || !metadata.contains("program") || !metadata["program"].is_string()) return;
     const auto trained_by = metadata["program"].get<std::string>();
     if (trained_by == program) return;
-    throw ConfigError(fmt::format("--resume --run-dir {}: this is a run of {}, which goes on with it",
+    throw ConfigError(fmt::format("--resume --run-dir {}: this is a run of {}; resume it with that program",
                                   run_dir.string(), trained_by));
 }
 

@@ -258,7 +258,7 @@ std::string listed(std::vector<std::string> names) {
                        all > kMost ? fmt::format(", ... ({} in all)", all) : "");
 }
 
-/// The operating system's reason and the way out: "No such file or directory; did you mean
+/// The operating system's reason and the remedy: "No such file or directory; did you mean
 /// 'configs/sac/200m.yaml'?", or what there is in the folder.
 std::string unreadable(const std::filesystem::path& file, const std::error_code& reason) {
     namespace fs = std::filesystem;

@@ -118,7 +118,7 @@ void sync_name(const std::filesystem::path& path) {
 }
 
 std::string read_file(const std::filesystem::path& path, const StreamLimits& limits) {
-    // Without O_NONBLOCK a FIFO that nobody writes to would be waited for here.
+    // Without O_NONBLOCK, opening a FIFO without a writer would block here.
     const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     struct stat status {};
     if (file.get() < 0 || ::fstat(file.get(), &status) != 0) fail("read", path);

@@ -45,7 +45,7 @@ RunLock::RunLock(const std::filesystem::path& run_dir) {
                         who, run_dir.string()));
     }
     const auto pid = std::to_string(::getpid());
-    // A message that names nobody is no reason to stop.
+    // A message without a process id is no reason to stop.
     static_cast<void>(::ftruncate(descriptor_, 0) == 0 &&
                       ::pwrite(descriptor_, pid.data(), pid.size(), 0) == static_cast<ssize_t>(pid.size()));
 }

@@ -24,8 +24,8 @@ struct Trained {
     std::string schedule_over_run;  // see AgentSpec
 };
 
-/// The program that trained the run knows what its schedules depend on. One of an older version did not say:
-/// then it objects when it is to go on.
+/// The program that trained the run knows what its schedules depend on. An older version did not record it;
+/// the program then objects on resume.
 std::string schedule_over_run(const fs::path& folder) {
     std::error_code error;
     if (!fs::exists(folder / "metadata.json", error)) return "";

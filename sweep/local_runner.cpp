@@ -68,7 +68,7 @@ struct Job {
     fs::path folder{};
     RunStatus status{};
     int failures = 0;             // in a row, without a newer checkpoint
-    std::int64_t started_at = 0;  // agent step of the checkpoint that it went on from
+    std::int64_t started_at = 0;  // agent step of the checkpoint that it was resumed from
     Clock::time_point started{};
     pid_t process = 0;
     bool waits = false;     // for another process
@@ -169,7 +169,7 @@ class LocalRunner {
         job.started_at = checkpoint.value_or(0);
         job.status = {.state = RunPhase::running, .step = job.started_at};
         active_.push_back(&job);
-        say(checkpoint ? "goes on" : "starts", job,
+        say(checkpoint ? "resumed" : "starts", job,
             checkpoint ? fmt::format("from step {}", *checkpoint) : "");
         // The child has the claim now; this process lets go of it.
     }
@@ -209,9 +209,8 @@ class LocalRunner {
         ++job.failures;
         if (try_again && job.failures <= options_.retries) {
             queue_.push_back(&job);
-            return say(
-                "broke off", job,
-                fmt::format("{}; it is tried again ({} of {})", reason, job.failures, options_.retries));
+            return say("crashed", job,
+                       fmt::format("{}; retrying ({} of {})", reason, job.failures, options_.retries));
         }
         job.status.state = RunPhase::failed;
         job.status.message = reason;

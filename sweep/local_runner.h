@@ -12,7 +12,7 @@ namespace cale {
 
 struct LocalOptions {
     int threads = 1;         // of a run
-    int retries = 2;         // how often a run that failed is tried again without having come any further
+    int retries = 2;         // how often a failed run is retried without further progress
     bool live_table = true;  // on a terminal; otherwise a line per event
     std::FILE* out = stderr;
 };

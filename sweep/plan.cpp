@@ -57,8 +57,8 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
                                                 : fmt::format("did you mean '{}'?", guess)));
 }
 
-/// A program's objection to a run. One to a setting that the sweep's file has names the place there in the
-/// stead of the option by which the program was told; one to what several settings come to names the run.
+/// Returns a program's objection to a run. For a setting of the sweep's file it names the place there instead
+/// of the option passed to the program; for a combination of settings it names the run.
 std::string objection(const Sweep& sweep, const std::string& run, const std::string& sentence) {
     constexpr std::string_view option = ": --set ";
     const auto at = sentence.find(option);

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Largest index of an array plus one, where Slurm has not been told otherwise.
+/// Largest index of an array plus one, unless Slurm is configured otherwise.
 constexpr std::size_t kUsualArraySize = 1001;
 
 constexpr const char* kScript = R"(

@@ -55,7 +55,7 @@ std::string mean_return_text(const std::optional<double>& mean) {
     return mean ? fmt::format("{:.1f}", *mean) : "-";
 }
 
-/// "12/100 games"; "12 games" where nobody knows how many there will be.
+/// "12/100 games"; "12 games" if the total is unknown.
 std::string games_text(const GamesProgress& progress) {
     if (progress.total_games > 0) return fmt::format("{}/{} games", progress.games, progress.total_games);
     return fmt::format("{} game{}", progress.games, progress.games == 1 ? "" : "s");

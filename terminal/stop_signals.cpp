@@ -15,7 +15,7 @@ StopSignals::StopSignals() {
         std::signal(SIGINT, SIG_DFL);
         std::signal(SIGTERM, SIG_DFL);
     };
-    action.sa_flags = SA_RESTART;  // a checkpoint under way goes on
+    action.sa_flags = SA_RESTART;  // so that a checkpoint being written continues
     sigaction(SIGINT, &action, &before_interrupt_);
     sigaction(SIGTERM, &action, &before_terminate_);
 }

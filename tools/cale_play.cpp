@@ -37,7 +37,7 @@ struct Options {
     std::uint64_t seed = 1;
 };
 
-/// A person sees every frame and plays without sticky actions, unless told otherwise.
+/// A person sees every frame and plays without sticky actions, unless configured otherwise.
 EnvConfig for_hands() {
     EnvConfig env;
     env.frame_skip = 1;
@@ -100,7 +100,7 @@ std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
     return nullptr;
 }
 
-/// How far a film is. How long its first game will be nobody knows.
+/// The progress of a film. The length of its first game is unknown.
 class FilmProgress {
   public:
     explicit FilmProgress(const PlayPlan& plan) {

@@ -72,7 +72,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
     auto& command =
         *app.add_subcommand("sweep",
                             "Trains every run of a comparison: agents, games, seeds and settings as a "
-                            "file has them. Finished runs are left alone, interrupted ones go on.");
+                            "file has them. Finished runs are left alone, interrupted ones are resumed.");
     const auto arguments = std::make_shared<Arguments>();
     auto& options = arguments->options;
     command.add_option("FILE", options.file, "what to run, such as sweeps/encoders.yaml")
@@ -97,7 +97,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
     add_sharing(command, *arguments);
     command
         .add_option("--retries", options.retries,
-                    "how often a run that failed is tried again if it has come no further")
+                    "how often a failed run is retried without further progress")
         ->transform(whole_numbers(0, 1000))
         ->type_name("N");
     command.add_flag("--no-progress", arguments->no_progress, "no live table");
@@ -114,7 +114,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
         ->default_str("")
         ->type_name("OPTION");
     command.footer(
-        "Ctrl-C stops all runs at a checkpoint; the same command goes on.\n"
+        "Ctrl-C stops all runs at a checkpoint; the same command resumes them.\n"
         "\n"
         "Examples:\n"
         "  cale sweep sweeps/encoders.yaml --set env.game=pong,breakout --set train.seed=1..3\n"

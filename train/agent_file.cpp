@@ -76,7 +76,7 @@ TensorMap expanded(const fs::path& file, SafetensorsFile stored, std::uint64_t m
             refuse(file, "its metadata name a tensor that is not there, or one that is");
         bytes += found->second.nbytes();
         if (bytes > most_bytes) refuse(file, "its metadata name more tensors than it can hold");
-        // Memory of its own: whoever is given the one may write into it.
+        // A copy, because the caller may write into it.
         all[name] = found->second.clone();
     }
     return all;

@@ -95,7 +95,7 @@ RunState from_json(const std::string& text) {
     }
 }
 
-/// Whether the file, as it is now, is what the manifest says.
+/// Returns whether the file matches the manifest.
 bool is_good(const StoredCheckpoint& checkpoint, const std::string& file) {
     const auto found = checkpoint.manifest.find(file);
     if (found == checkpoint.manifest.end()) return false;

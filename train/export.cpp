@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Returns the file's contents. Throws std::runtime_error where there is none, or not what was written.
+/// Returns the file's contents. Throws std::runtime_error if it is missing or has changed.
 std::string from_checkpoint(const fs::path& folder) {
     const auto manifest = read_manifest(folder);
     const auto record = manifest.find(kPolicyFile);

@@ -13,7 +13,7 @@
 namespace cale {
 namespace {
 
-/// A run's configuration without comments and without the folder of somebody's ROMs.
+/// A run's configuration without comments and without the folder of the ROMs.
 std::string without_comments(const std::string& yaml) {
     std::string result;
     for (const auto& line : split(yaml, '\n')) {

@@ -86,7 +86,7 @@ torch::Device choose_device(const std::string& requested, const std::optional<Pr
     return find_device(requested, gpus, static_cast<std::uint64_t>(place->local_rank));
 }
 
-/// A resumed run goes on with the number it was started with: sums on other numbers of threads
+/// A resumed run uses the number of threads it was started with: sums on other numbers of threads
 /// round differently.
 int choose_threads(const CommandLine& line, const TrainingProgram& program, const TrainingWorld& world,
                    const std::optional<Metadata>& resumed, const fs::path& run_dir, int processes_here) {
@@ -128,12 +128,12 @@ void require_no_run(const fs::path& run_dir) {
         fs::exists(run_dir / "config.yaml") && !fs::exists(run_dir / "metadata.json");
     if (!config_of_a_user && !has_begun(run_dir)) return;
     throw ConfigError(
-        fmt::format("--run-dir {}: a run is in there already; choose another folder, or go on with "
-                    "it by --resume",
+        fmt::format("--run-dir {}: a run is in there already; choose another folder, or resume it with "
+                    "--resume",
                     run_dir.string()));
 }
 
-/// Without --run-dir nobody else gets the same.
+/// Without --run-dir no other process gets the same.
 NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
     try {
         if (line.run_dir.empty()) return NewFolder::with_a_free_name(run_dir);
@@ -195,7 +195,7 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
     }
     if (!of_the_games.empty()) {
         throw ResumeError(
-            fmt::format("--resume {} --accept-changes: games under way cannot go on in another "
+            fmt::format("--resume {} --accept-changes: games under way cannot be continued in another "
                         "environment: {}; start a new run",
                         run_dir.string(), of_the_games));
     }
@@ -209,7 +209,7 @@ std::string joined(int argc, const char* const* argv) {
     return command;
 }
 
-/// What a run that is to be resumed says of itself. Throws ResumeError where it is damaged.
+/// Returns the metadata of a run that is to be resumed. Throws ResumeError if they are damaged.
 std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     try {
         return Metadata::read(run_dir);
@@ -218,7 +218,7 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     }
 }
 
-/// train(), whose end metadata.json remembers.
+/// Calls train() and records its end in metadata.json.
 Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
                         const TrainOptions& options, Metadata* metadata) {
     if (metadata == nullptr) return train(agent, world, settings, options);
@@ -276,7 +276,7 @@ void check_memory(const TrainingProgram& program, const TrainingWorld& world, co
 
 using Facts = std::vector<std::pair<std::string, std::string>>;
 
-/// What a run is, for who watches it.
+/// The description of a run for its console header.
 Facts header_of(const TrainingProgram& program, const TrainingWorld& world, const ActionSpace& actions,
                 const fs::path& run_dir, const std::string& machine) {
     const auto steps = program.settings.train.total_steps;
@@ -310,7 +310,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     const TrainingWorld world = make_world(program);
     const auto place = find_place(program);
     const torch::Device device = choose_device(line.device, place);
-    // What LibTorch makes without being told a device, such as pinned memory, belongs to the current one.
+    // What LibTorch allocates without an explicit device, such as pinned memory, belongs to the current one.
     if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
     // Adam's averages of weights without gradients decay into subnormal numbers, which cost a
     // CPU a hundred times more: an update would slow down two- to fourfold within an hour. Set

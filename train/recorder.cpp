@@ -223,7 +223,7 @@ Outcome Recorder::finish() {
     if (!complete || (!evaluated && !run_evaluation())) {
         if (files_)
             files_->console.message(
-                fmt::format("Interrupted at agent step {}; go on with --resume --run-dir {}", state_.step,
+                fmt::format("Interrupted at agent step {}; resume with --resume --run-dir {}", state_.step,
                             options_.run_dir.string()));
         return Outcome::interrupted;
     }

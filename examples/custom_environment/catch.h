@@ -68,7 +68,7 @@ void fields(CatchConfig& config, Visit&& visit) {
     visit("num_envs", config.num_envs, cale::Range{1, 1024}, "environments that step together");
 }
 
-// What the training programs ask of a world: see train/training_world.h.
+// The functions that the training programs require of a world: see train/training_world.h.
 inline std::string world_name(const CatchConfig&) {
     return "Catch";
 }

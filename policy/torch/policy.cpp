@@ -26,7 +26,7 @@ ActionBox joystick_box_on(torch::Device device) {
     return box;
 }
 
-/// A view of bytes that nobody writes through: LibTorch knows no constant tensors.
+/// A view of bytes that must not be written through: LibTorch has no constant tensors.
 torch::Tensor view_of(std::span<const std::uint8_t> observation, std::vector<std::int64_t> shape) {
     const auto size = std::reduce(shape.begin(), shape.end(), std::int64_t{1}, std::multiplies());
     if (std::ssize(observation) != size) {

@@ -254,8 +254,8 @@ TEST(EvaluationEmulator, RefusesActionsOfAnotherKind) {
     const auto discrete = [](const torch::Tensor& observations, std::span<const std::int64_t>) {
         return Chosen{.actions = torch::zeros({observations.size(0)}, torch::kInt64)};
     };
-    EXPECT_THAT([&] { evaluate(discrete, plan); }, testing::ThrowsMessage<std::invalid_argument>(
-                                                       HasSubstr("continuous actions were asked for")));
+    EXPECT_THAT([&] { evaluate(discrete, plan); },
+                testing::ThrowsMessage<std::invalid_argument>(HasSubstr("continuous actions were expected")));
 }
 
 /// Five games with known results.

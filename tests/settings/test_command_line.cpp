@@ -138,7 +138,7 @@ TEST_F(CommandLineTest, ARunOfAnotherAgentIsNamedAsSuch) {
     folder_.write("metadata.json", R"({"program": "train_y"})");
     const auto run_dir = folder_.path().string();
     EXPECT_EQ(error({"--resume", "--run-dir", run_dir}),
-              "--resume --run-dir " + run_dir + ": this is a run of train_y, which goes on with it");
+              "--resume --run-dir " + run_dir + ": this is a run of train_y; resume it with that program");
     folder_.write("config.yaml", "env:\n  threshold: 0.125\n");
     for (const auto* damaged : {"", "[]", R"({"program": 3})", R"({"program": "train_x"})"}) {
         folder_.write("metadata.json", damaged);

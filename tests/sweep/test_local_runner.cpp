@@ -95,7 +95,7 @@ TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
 
 TEST_F(LocalSweep, ARunThatIsKilledStartsAgain) {
     EXPECT_EQ(run(fake_.runs({"killed_once"})), 0);
-    EXPECT_THAT(said(), HasSubstr("killed by signal 9 (Killed); it is tried again (1 of 1)"));
+    EXPECT_THAT(said(), HasSubstr("killed by signal 9 (Killed); retrying (1 of 1)"));
 }
 
 TEST_F(LocalSweep, AProgramThatCannotBeStartedIsAFailure) {

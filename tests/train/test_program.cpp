@@ -404,7 +404,8 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     };
     const auto other_game = resume({"env.game=breakout", "agent.learning_rate=0.5"});
     EXPECT_EQ(other_game.code, 3);
-    EXPECT_THAT(other_game.stderr_text, testing::HasSubstr("cannot go on in another environment: env.game"));
+    EXPECT_THAT(other_game.stderr_text,
+                testing::HasSubstr("cannot be continued in another environment: env.game"));
     EXPECT_THAT(read_file(folder.path() / "metadata.json"),
                 testing::Not(testing::HasSubstr("accepted_changes")));
 
