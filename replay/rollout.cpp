@@ -45,9 +45,7 @@ Rollout::Rollout(const RolloutConfig& rollout_config)
       reward(torch::empty({config.length, config.num_envs})),
       terminal(torch::empty({config.length, config.num_envs})) {}
 
-void Rollout::set_observations(const torch::Tensor& given) {
-    const bool bytes = given.dim() == 3 && given.size(1) == config.stack && config.frame_height == 1;
-    const auto observations = bytes ? given.unsqueeze(2) : given;
+void Rollout::set_observations(const torch::Tensor& observations) {
     if (full()) throw std::logic_error("a full rollout was not learned from before the next decision");
     require_shape("observations", observations, observation.sizes().slice(1));
     store_observations(observations);

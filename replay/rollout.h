@@ -45,9 +45,8 @@ class Rollout {
     explicit Rollout(const RolloutConfig& config);
     virtual ~Rollout() = default;
 
-    /// What the actions of the next step are chosen on: [N, stack, H, W] uint8; bytes that are no image
-    /// may come as [N, stack, W], with H = 1.
-    void set_observations(const torch::Tensor& given);
+    /// What the actions of the next step are chosen on: [N, observation] uint8.
+    void set_observations(const torch::Tensor& observations);
 
     /// The step that followed. Throws std::invalid_argument for other counts, and std::logic_error
     /// where the rollout is full.

@@ -328,7 +328,7 @@ Policy trained(const std::string& agent, std::unique_ptr<Agent> (*make)(const Co
     std::vector<const char*> argv;
     for (const auto& word : words) argv.push_back(word.c_str());
     testing::internal::CaptureStderr();
-    const int code = run_program<Config>(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
+    const int code = run_program(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
     const auto said = testing::internal::GetCapturedStderr();
     EXPECT_EQ(code, 0) << said;
     return policy_of(run);

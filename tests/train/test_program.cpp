@@ -48,7 +48,7 @@ Answer train(const std::string& agent, std::unique_ptr<Agent> (*make)(const Conf
     std::vector<const char*> argv{program.c_str()};
     for (const auto& argument : arguments) argv.push_back(argument.c_str());
     testing::internal::CaptureStderr();
-    const int code = run_program<Config>(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
+    const int code = run_program(agent, "Trains.", make, static_cast<int>(argv.size()), argv.data());
     return {code, testing::internal::GetCapturedStderr()};
 }
 
