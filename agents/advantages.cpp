@@ -2,7 +2,7 @@
 
 #include <torch/types.h>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 
 namespace cale {
 

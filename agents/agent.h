@@ -13,7 +13,6 @@
 
 #include "agents/time_split.h"
 #include "networks/policy_weights.h"
-#include "networks/tensor_map.h"
 #include "policy/network_spec.h"
 #include "world/spaces.h"
 #include "world/step_result.h"
@@ -21,7 +20,7 @@
 namespace cale {
 
 class ProcessGroup;
-class ReplayBuffer;
+class Replay;
 
 /// The world that an agent is made for.
 ///
@@ -117,7 +116,7 @@ class Agent {
     virtual std::optional<AgentPolicy> policy() const { return std::nullopt; }
     /// The replay that it learns from, whose contents a checkpoint holds beside state(); null where it has
     /// none.
-    virtual ReplayBuffer* replay() { return nullptr; }
+    virtual Replay* replay() { return nullptr; }
 };
 
 }  // namespace cale

@@ -9,7 +9,7 @@
 
 #include <torch/types.h>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 #include "replay/types.h"
 
 namespace cale {
@@ -39,9 +39,9 @@ ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec
 AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised)
     : settings_(settings),
       spec_(spec),
-      buffer_(replay_config(settings, spec, prioritised),
-              settings.replay_on_device ? std::optional(spec.device) : std::nullopt),
-      sampled_(buffer_.empty_batch(settings.batch_size)),
+      buffer_(make_replay(replay_config(settings, spec, prioritised),
+                          settings.replay_on_device ? std::optional(spec.device) : std::nullopt)),
+      sampled_(buffer_->empty_batch(settings.batch_size)),
       copied_(spec.device.type()),
       random_(stream_seed(spec.seed, kReplay)) {
     if (spec.device.is_cpu()) return;
@@ -88,7 +88,7 @@ void AgentReplay::record(const StepBatch& batch) {
             experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
         }
         if (result.truncated) experience.final_frame = frame_of(batch.final_frames);
-        buffer_.add(static_cast<std::int64_t>(env), experience);
+        buffer_->add(static_cast<std::int64_t>(env), experience);
     }
 }
 
@@ -98,7 +98,7 @@ std::int64_t AgentReplay::due(std::int64_t period) const {
 }
 
 bool AgentReplay::ready() const {
-    return buffer_.add_count() > settings_.min_replay && buffer_.size() > 0;
+    return buffer_->add_count() > settings_.min_replay && buffer_->size() > 0;
 }
 
 double AgentReplay::epsilon(const EpsilonSettings& settings) const {
@@ -111,7 +111,7 @@ Batch AgentReplay::sample() {
     if (copied_.was_marked_for_recording()) copied_.synchronize();
     {
         const Timed timed(time_.replay);
-        buffer_.sample_into(sampled_, random_);
+        buffer_->sample_into(sampled_, random_);
     }
     if (spec_.device.is_cpu()) return sampled_;
     const Timed timed(time_.transfer);
@@ -125,7 +125,7 @@ Batch AgentReplay::sample() {
 void AgentReplay::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
     const auto on_host = priorities.to(torch::kCPU);  // waits for the device
     const Timed timed(time_.replay);
-    buffer_.set_priorities(batch.index, on_host);
+    buffer_->set_priorities(batch.index, on_host);
 }
 
 void AgentReplay::add_state(StateParts& parts) {

@@ -24,7 +24,7 @@
 #include "agents/state.h"
 #include "agents/time_split.h"
 #include "cale/fields.h"
-#include "replay/replay_buffer.h"
+#include "replay/replay.h"
 
 namespace cale {
 
@@ -96,12 +96,12 @@ class AgentReplay {
     const TimeSplit& time() const { return time_; }
     /// Adds the generator and the counter. The contents are those of buffer().
     void add_state(StateParts& parts);
-    ReplayBuffer& buffer() { return buffer_; }  // what is stored
+    Replay& buffer() { return *buffer_; }  // what is stored
 
   private:
     ReplaySettings settings_;
     AgentSpec spec_;
-    ReplayBuffer buffer_;
+    std::unique_ptr<Replay> buffer_;
     Batch sampled_;    // filled anew by every sample()
     Batch on_device_;  // its copy there, unless the device is the CPU
     c10::Event copied_;
@@ -234,7 +234,7 @@ class OffPolicy final : public Agent {
             return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
         return std::nullopt;
     }
-    ReplayBuffer* replay() override { return &replay_.buffer(); }
+    Replay* replay() override { return &replay_.buffer(); }
 
   private:
     /// None: the algorithm explores by its own noise.

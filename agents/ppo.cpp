@@ -4,7 +4,7 @@
 
 #include <torch/types.h>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 
 namespace cale {
 

@@ -8,7 +8,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 
 namespace cale {
 

@@ -8,7 +8,7 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 
 namespace cale {
 namespace {
@@ -79,17 +79,6 @@ Layers trunk_layers(const EncoderConfig& config) {
 
 Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, const at::Generator& generator)
     : stack_(owner, trunk_layers(config), config.observation, initialiser_of(config), generator) {}
-
-SharedEncoderImpl::SharedEncoderImpl(const EncoderConfig& config, std::int64_t size,
-                                     const Initialiser& initialise, const at::Generator& generator)
-    : layers(chain({trunk_layers(config), {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}})),
-      trunk_(*this, config, generator),
-      shared_(*this, {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}, {trunk_.features()},
-              initialise, generator) {}
-
-torch::Tensor SharedEncoderImpl::forward(const torch::Tensor& observation) {
-    return shared_(trunk_(observation));
-}
 
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
     : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(/*of_critic=*/false)})),

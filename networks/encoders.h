@@ -57,37 +57,6 @@ class Trunk {
     LayerStack stack_;
 };
 
-/// A trunk, and nothing else.
-class ConvEncoderImpl : public torch::nn::Module {
-  public:
-    ConvEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
-        : trunk_(*this, config, generator) {}
-    /// [B, observation] uint8 -> [B, size()]
-    torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
-    std::int64_t size() const { return trunk_.features(); }  // numbers per observation
-
-  private:
-    Trunk trunk_;
-};
-using ConvEncoder = torch::nn::ModuleHolder<ConvEncoderImpl>;
-
-/// A trunk and Dense `size` with ReLU: the features that a policy and a value share and both train.
-class SharedEncoderImpl : public torch::nn::Module {
-  public:
-    SharedEncoderImpl(const EncoderConfig& config, std::int64_t size, const Initialiser& initialise,
-                      const at::Generator& generator);
-    /// [B, observation] uint8 -> [B, size]
-    torch::Tensor forward(const torch::Tensor& observation);
-
-    /// The layers from an observation to the shared features.
-    Layers layers;
-
-  private:
-    Trunk trunk_;
-    LayerStack shared_;
-};
-using SharedEncoder = torch::nn::ModuleHolder<SharedEncoderImpl>;
-
 /// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains
 /// the trunk, the actor's does not.
 ///   phi_sac     Dense 50, LayerNorm, tanh on both branches

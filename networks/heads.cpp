@@ -15,76 +15,36 @@
 
 namespace cale {
 
-namespace {
-
-/// fc1, fc2, ... of `owner`, the first of them on `in` features.
-std::vector<Dense> make_hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
-                               const at::Generator& generator) {
+Hidden::Hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
+               const at::Generator& generator)
+    : size(config.hidden_layers > 0 ? config.hidden_units : in), activation_(config.activation) {
     if (config.hidden_layers < 0 || config.hidden_units < 1) {
         throw std::invalid_argument("a head has 0 or more hidden_layers of 1 or more hidden_units, not " +
                                     std::to_string(config.hidden_layers) + " of " +
                                     std::to_string(config.hidden_units));
     }
-    std::vector<Dense> layers;
     for (std::int64_t layer = 1; layer <= config.hidden_layers; ++layer) {
-        layers.push_back(owner.register_module("fc" + std::to_string(layer),
-                                               Dense(in, config.hidden_units, config.initialise, generator)));
+        layers_.push_back(owner.register_module(
+            "fc" + std::to_string(layer), Dense(in, config.hidden_units, config.initialise, generator)));
         in = config.hidden_units;
     }
-    return layers;
 }
 
-std::int64_t width_behind(std::int64_t in, const HeadConfig& config) {
-    return config.hidden_layers > 0 ? config.hidden_units : in;
-}
-
-torch::Tensor through(std::vector<Dense>& layers, Layer::Kind activation, torch::Tensor x) {
-    for (auto& layer : layers) x = activation == Layer::Kind::relu ? layer(x).relu_() : layer(x).tanh_();
+torch::Tensor Hidden::operator()(torch::Tensor x) {
+    for (auto& layer : layers_) x = activation_ == Layer::Kind::relu ? layer(x).relu_() : layer(x).tanh_();
     return x;
 }
-
-}  // namespace
 
 Layers hidden_layers(const HeadConfig& config) {
     return hidden_layers(config.hidden_layers, config.hidden_units, config.activation);
 }
 
 MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator)
-    : activation_(config.activation),
-      hidden_(make_hidden(*this, in, config, generator)),
-      out_(register_module("out", Dense(width_behind(in, config), out, config.initialise_out, generator))) {}
+    : hidden_(*this, in, config, generator),
+      out_(register_module("out", Dense(hidden_.size, out, config.initialise_out, generator))) {}
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
-    return out_(through(hidden_, activation_, std::move(x)));
-}
-
-std::span<const std::string_view> names_of(LogStd) {
-    static constexpr std::array<std::string_view, 2> names{"summed", "direct"};
-    return names;
-}
-
-GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config,
-                                     LogStd log_std, at::Generator generator)
-    : activation_(config.activation),
-      hidden_(make_hidden(*this, in, config, generator)),
-      mean_(register_module("mean",
-                            Dense(width_behind(in, config), action_size, config.initialise_out, generator))) {
-    if (log_std == LogStd::summed) {
-        const Initialiser zero = [](torch::Tensor& weight, const at::Generator&) {
-            torch::nn::init::zeros_(weight);
-        };
-        summed_log_std_ =
-            register_module("log_std", Dense(width_behind(in, config), action_size, zero, generator));
-    } else {
-        direct_log_std_ = register_parameter("log_std", torch::zeros({action_size}));
-    }
-}
-
-SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
-    const auto mean = mean_(through(hidden_, activation_, std::move(x)));
-    const auto log_std =
-        summed_log_std_ ? summed_log_std_->weight.sum(1) + summed_log_std_->bias : direct_log_std_;
-    return {mean, log_std.expand_as(mean)};
+    return out_(hidden_(std::move(x)));
 }
 
 torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {

@@ -29,6 +29,21 @@ struct HeadConfig {
 /// Returns fc1, fc2, ..., each with its activation.
 Layers hidden_layers(const HeadConfig& config);
 
+/// fc1, fc2, ... of the module `owner`, each with its activation: [B, in] -> [B, size].
+class Hidden {
+  public:
+    /// Throws std::invalid_argument for fewer than no layers or than one unit.
+    Hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
+           const at::Generator& generator);
+    torch::Tensor operator()(torch::Tensor x);
+
+    std::int64_t size;  // of what comes out
+
+  private:
+    Layer::Kind activation_;
+    std::vector<Dense> layers_;
+};
+
 /// fc1, fc2, ..., each with its activation, then out.
 class MlpImpl : public torch::nn::Module {
   public:
@@ -37,8 +52,7 @@ class MlpImpl : public torch::nn::Module {
     torch::Tensor forward(torch::Tensor x);
 
   private:
-    Layer::Kind activation_;
-    std::vector<Dense> hidden_;
+    Hidden hidden_;
     Dense out_{nullptr};
 };
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
@@ -85,30 +99,6 @@ struct SquashedGaussian {
 
 /// Splits an actor's output [B, 2 A] into means and log standard deviations.
 SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output);
-
-/// How a standard deviation that does not depend on the state is parameterised.
-///   summed  a bias and a row of weights per coordinate, all added up: as Dopamine's PPO has it, which
-///           makes Adam move it by (1 + units) learning rates per step
-///   direct  one number per coordinate
-enum class LogStd { summed, direct };
-std::span<const std::string_view> names_of(LogStd);
-
-/// fc1, fc2, ..., then mean; beside them log_std, which starts at 0 (one number per coordinate or,
-/// if summed, a dense layer that is fed ones).
-class GaussianActorImpl : public torch::nn::Module {
-  public:
-    GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config, LogStd log_std,
-                      at::Generator generator);
-    /// [B, in] -> mean and log_std [B, A]
-    SquashedGaussian forward(torch::Tensor x);
-
-  private:
-    Layer::Kind activation_;
-    std::vector<Dense> hidden_;
-    Dense mean_{nullptr}, summed_log_std_{nullptr};
-    torch::Tensor direct_log_std_;
-};
-using GaussianActor = torch::nn::ModuleHolder<GaussianActorImpl>;
 
 /// A sampled action [B, A] and its log-density [B] in the units of the box.
 struct PolicySample {

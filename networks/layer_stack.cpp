@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "networks/shapes.h"
+#include "networks/layers.h"
 
 namespace cale {
 namespace {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include <stdexcept>
+
 #include <torch/types.h>
 #include <torch/utils.h>
 
@@ -111,6 +113,20 @@ torch::Tensor ConvImpl::forward_rows(const torch::Tensor& x) const {
     const auto used = same_padding(1, kernel_, stride_).first;
     const auto row_kernel = weight.select(3, used).unsqueeze(2);  // [out, in, 1, kernel]
     return at::conv2d(at::constant_pad_nd(x, {left, right}), row_kernel, bias, {1, stride_});
+}
+
+std::string shape_text(at::IntArrayRef shape) {
+    std::string text = "[";
+    for (const auto size : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(size);
+    return text + "]";
+}
+
+void require_shape(std::string_view who, std::string_view what, const torch::Tensor& tensor,
+                   at::IntArrayRef expected) {
+    if (tensor.defined() && tensor.sizes() == expected) return;
+    throw std::invalid_argument(std::string(who) + ": " + std::string(what) + " must have the shape " +
+                                shape_text(expected) + ", not " +
+                                (tensor.defined() ? shape_text(tensor.sizes()) : "none at all"));
 }
 
 }  // namespace cale

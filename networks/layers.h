@@ -6,6 +6,9 @@
 #include <functional>
 
 #include <ATen/core/Generator.h>
+#include <string>
+#include <string_view>
+
 #include <torch/nn/module.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
@@ -83,5 +86,14 @@ class ConvImpl : public torch::nn::Module {
     Padding padding_;
 };
 using Conv = torch::nn::ModuleHolder<ConvImpl>;
+
+// Shapes are checked where tensors enter: [B] against [B, 1] would broadcast in silence.
+
+/// "[32, 4, 84, 84]"
+std::string shape_text(at::IntArrayRef shape);
+
+/// Throws std::invalid_argument that names `who` was given `what` in which shape, and which one it expects.
+void require_shape(std::string_view who, std::string_view what, const torch::Tensor& tensor,
+                   at::IntArrayRef expected);
 
 }  // namespace cale

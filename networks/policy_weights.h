@@ -1,12 +1,18 @@
 // The weights of the half of a network that acts, as a policy file stores them.
 #pragma once
 
-#include <torch/nn/module.h>
+#include <map>
+#include <string>
 
-#include "networks/tensor_map.h"
+#include <torch/nn/module.h>
+#include <torch/types.h>
+
 #include "policy/network_spec.h"
 
 namespace cale {
+
+/// Tensors by name: a network's parameters, an agent's state, the contents of a safetensors file.
+using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// Returns the parameters of `spec` by the names of parameter_shapes(), float32 on the CPU in memory of their
 /// own: those of `module` that are called so. Noisy layers are stored as their means, by which they act in

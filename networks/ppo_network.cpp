@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include <torch/nn/init.h>
 #include <torch/types.h>
 
 namespace cale {
@@ -17,6 +18,43 @@ constexpr std::int64_t kSharedFeatures = 512;
 std::span<const std::string_view> names_of(Torso) {
     static constexpr std::array<std::string_view, 2> names{"two_branch", "shared"};
     return names;
+}
+
+std::span<const std::string_view> names_of(LogStd) {
+    static constexpr std::array<std::string_view, 2> names{"summed", "direct"};
+    return names;
+}
+
+GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config,
+                                     LogStd log_std, at::Generator generator)
+    : hidden_(*this, in, config, generator),
+      mean_(register_module("mean", Dense(hidden_.size, action_size, config.initialise_out, generator))) {
+    if (log_std == LogStd::summed) {
+        const Initialiser zero = [](torch::Tensor& weight, const at::Generator&) {
+            torch::nn::init::zeros_(weight);
+        };
+        summed_log_std_ = register_module("log_std", Dense(hidden_.size, action_size, zero, generator));
+    } else {
+        direct_log_std_ = register_parameter("log_std", torch::zeros({action_size}));
+    }
+}
+
+SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
+    const auto mean = mean_(hidden_(std::move(x)));
+    const auto log_std =
+        summed_log_std_ ? summed_log_std_->weight.sum(1) + summed_log_std_->bias : direct_log_std_;
+    return {mean, log_std.expand_as(mean)};
+}
+
+SharedEncoderImpl::SharedEncoderImpl(const EncoderConfig& config, std::int64_t size,
+                                     const Initialiser& initialise, const at::Generator& generator)
+    : layers(chain({trunk_layers(config), {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}})),
+      trunk_(*this, config, generator),
+      shared_(*this, {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}, {trunk_.features()},
+              initialise, generator) {}
+
+torch::Tensor SharedEncoderImpl::forward(const torch::Tensor& observation) {
+    return shared_(trunk_(observation));
 }
 
 PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_actions,

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include <ATen/core/Generator.h>
 #include <torch/nn/module.h>
@@ -20,6 +21,46 @@ namespace cale {
 /// shared: unpadded convolutions and 512 features that the policy and the value both train.
 enum class Torso { two_branch, shared };
 std::span<const std::string_view> names_of(Torso);
+
+/// A trunk and Dense `size` with ReLU: the features that a policy and a value share and both train.
+class SharedEncoderImpl : public torch::nn::Module {
+  public:
+    SharedEncoderImpl(const EncoderConfig& config, std::int64_t size, const Initialiser& initialise,
+                      const at::Generator& generator);
+    /// [B, observation] uint8 -> [B, size]
+    torch::Tensor forward(const torch::Tensor& observation);
+
+    /// The layers from an observation to the shared features.
+    Layers layers;
+
+  private:
+    Trunk trunk_;
+    LayerStack shared_;
+};
+using SharedEncoder = torch::nn::ModuleHolder<SharedEncoderImpl>;
+
+/// How a standard deviation that does not depend on the state is parameterised.
+///   summed  a bias and a row of weights per coordinate, all added up: as Dopamine's PPO has it, which
+///           makes Adam move it by (1 + units) learning rates per step
+///   direct  one number per coordinate
+enum class LogStd { summed, direct };
+std::span<const std::string_view> names_of(LogStd);
+
+/// fc1, fc2, ..., then mean; beside them log_std, which starts at 0 (one number per coordinate or,
+/// if summed, a dense layer that is fed ones).
+class GaussianActorImpl : public torch::nn::Module {
+  public:
+    GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config, LogStd log_std,
+                      at::Generator generator);
+    /// [B, in] -> mean and log_std [B, A]
+    SquashedGaussian forward(torch::Tensor x);
+
+  private:
+    Hidden hidden_;
+    Dense mean_{nullptr}, summed_log_std_{nullptr};
+    torch::Tensor direct_log_std_;
+};
+using GaussianActor = torch::nn::ModuleHolder<GaussianActorImpl>;
 
 /// The defaults are those of CALE's PPO.
 struct PpoNetworkConfig {

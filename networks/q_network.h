@@ -71,6 +71,20 @@ class QHeadImpl : public torch::nn::Module {
 };
 using QHead = torch::nn::ModuleHolder<QHeadImpl>;
 
+/// A trunk, and nothing else.
+class ConvEncoderImpl : public torch::nn::Module {
+  public:
+    ConvEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
+        : trunk_(*this, config, generator) {}
+    /// [B, observation] uint8 -> [B, size()]
+    torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
+    std::int64_t size() const { return trunk_.features(); }  // numbers per observation
+
+  private:
+    Trunk trunk_;
+};
+using ConvEncoder = torch::nn::ModuleHolder<ConvEncoderImpl>;
+
 /// encoder.conv1, ..., head.fc1, ...: [B, stack, H, W] uint8 -> [B, A, atoms].
 class QNetworkImpl : public torch::nn::Module {
   public:

@@ -235,4 +235,8 @@ void ReplayBuffer::follow_ring(std::int64_t begin, std::int64_t end) {
         priorities_->set(added % config_.capacity, largest_priority_);
 }
 
+std::unique_ptr<Replay> make_replay(const ReplayConfig& config, std::optional<torch::Device> mirror) {
+    return std::make_unique<ReplayBuffer>(config, mirror);
+}
+
 }  // namespace cale

@@ -189,7 +189,7 @@ void ReplaySnapshot::Release::operator()(FrameRing* ring) const {
     ring->held_transitions.release();
 }
 
-ReplaySnapshot::ReplaySnapshot(ReplayBuffer& replay)
+ReplaySnapshot::ReplaySnapshot(Replay& replay)
     : config_(replay.config()), state_(replay.state()), frames_begin_(replay.ring().frames_begin()) {
     if (replay.ring().is_held())
         throw std::logic_error("a second snapshot of a replay while the first is read");
@@ -212,11 +212,11 @@ void ReplaySnapshot::save(const fs::path& folder, const TakeOver& take_over) {
     file.commit();
 }
 
-void save_replay(ReplayBuffer& replay, const fs::path& folder) {
+void save_replay(Replay& replay, const fs::path& folder) {
     ReplaySnapshot(replay).save(folder);
 }
 
-void load_replay(ReplayBuffer& replay, const fs::path& folder) {
+void load_replay(Replay& replay, const fs::path& folder) {
     if (replay.ring().is_held()) throw std::logic_error("a replay is loaded while a snapshot of it is read");
     const auto& config = replay.config();
     auto loaded = std::make_unique<FrameRing>(config);

@@ -29,7 +29,7 @@ class ReplaySnapshot {
     using TakeOver = std::function<bool(const std::string& file)>;
 
     /// Of what is stored now. The replay must outlive it. Throws std::logic_error while there is another.
-    explicit ReplaySnapshot(ReplayBuffer& replay);
+    explicit ReplaySnapshot(Replay& replay);
 
     /// Writes the files into the folder, which exists; once only. Throws std::runtime_error, naming the file.
     void save(const std::filesystem::path& folder, const TakeOver& take_over = {});
@@ -46,12 +46,12 @@ class ReplaySnapshot {
 
 /// Writes everything that is stored: the transitions, the counters, the unfinished windows and the
 /// priorities. Throws std::runtime_error, naming the file.
-void save_replay(ReplayBuffer& replay, const std::filesystem::path& folder);
+void save_replay(Replay& replay, const std::filesystem::path& folder);
 
 /// Makes the contents of the replay those that were saved, so that it resumes exactly there. What it held is
 /// in memory until the files proved good. Throws std::runtime_error, naming the file, and leaves the replay
 /// as it was: for files that are missing, damaged, truncated, of another version or of another configuration.
 /// Throws std::logic_error while a snapshot of the replay is read.
-void load_replay(ReplayBuffer& replay, const std::filesystem::path& folder);
+void load_replay(Replay& replay, const std::filesystem::path& folder);
 
 }  // namespace cale

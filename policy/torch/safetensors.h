@@ -10,7 +10,7 @@
 
 #include <torch/types.h>
 
-#include "networks/tensor_map.h"
+#include "networks/policy_weights.h"
 
 namespace cale {
 

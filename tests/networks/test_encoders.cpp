@@ -1,4 +1,6 @@
 #include "networks/encoders.h"
+#include "networks/ppo_network.h"
+#include "networks/q_network.h"
 
 #include <cmath>
 #include <set>

@@ -1,4 +1,5 @@
 #include "networks/heads.h"
+#include "networks/ppo_network.h"
 
 #include <cmath>
 #include <numbers>
