@@ -114,7 +114,6 @@ struct Der : QState {
     Der(const DerConfig& settings, const AgentSpec& spec)
         : QState(settings, spec, head_of(settings)),
           config(settings),
-          num_actions(cale::num_actions(spec.action_space)),
           device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
@@ -122,7 +121,7 @@ struct Der : QState {
         const auto noise = now.training() ? draw(now.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, now.training() ? &noise : nullptr);
         const auto greedy = action_values(output, support_of(config, output.options())).argmax(1).cpu();
-        return epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
+        return epsilon_greedy(greedy, now.epsilon, network->acting.head.num_actions, now.random);
     }
 
     DerLosses learn(const Batch& batch, const at::Generator& random) {
@@ -147,7 +146,6 @@ struct Der : QState {
     }
 
     DerConfig config;
-    std::int64_t num_actions;
     torch::Device device;
 };
 

@@ -49,14 +49,12 @@ struct Dqn : QState {
     static constexpr bool kDrawsInUpdates = false;
 
     Dqn(const DqnConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, head_of(settings)),
-          config(settings),
-          num_actions(cale::num_actions(spec.action_space)) {}
+        : QState(settings, spec, head_of(settings)), config(settings) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)
                                              : network(observations).squeeze(2).argmax(1);
-        return epsilon_greedy(greedy.cpu(), now.epsilon, num_actions, now.random);
+        return epsilon_greedy(greedy.cpu(), now.epsilon, network->acting.head.num_actions, now.random);
     }
 
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }
@@ -67,7 +65,6 @@ struct Dqn : QState {
     }
 
     DqnConfig config;
-    std::int64_t num_actions;
 };
 
 }  // namespace

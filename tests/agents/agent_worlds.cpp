@@ -149,7 +149,7 @@ std::int64_t gradient_steps_of(Agent& agent) {
 }
 
 Batch memory_of(Agent& agent) {
-    const ReplayBuffer& replay = *agent.replay();
+    const auto& replay = dynamic_cast<const ReplayBuffer&>(*agent.replay());
     std::vector<std::int64_t> positions(static_cast<std::size_t>(replay.size()));
     std::iota(positions.begin(), positions.end(), 0);
     return replay.gather(positions);
