@@ -45,8 +45,7 @@ class Rollout {
     explicit Rollout(const RolloutConfig& config);
     virtual ~Rollout() = default;
 
-    /// Stores the observations that the next actions are chosen on: [N, stack, H, W] uint8; bytes that are
-    /// not an image may have the shape [N, stack, W], with H = 1.
+    /// Stores the observations that the next actions are chosen on: [N, stack, ...] uint8.
     void set_observations(const torch::Tensor& observations);
 
     /// Stores the step that followed. Throws std::invalid_argument for other counts, and std::logic_error
