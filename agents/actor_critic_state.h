@@ -57,11 +57,11 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
 template <class Network>
 struct ActorCriticState {
     /// `log_alpha` [1] requires a gradient. The target is used as given.
-    ActorCriticState(Network network_, Network target_, torch::Tensor log_alpha_,
+    ActorCriticState(Network online, Network target_network, torch::Tensor initial_log_alpha,
                      const AdamConfig& adam_config)
-        : network(std::move(network_)),
-          target(std::move(target_)),
-          log_alpha(std::move(log_alpha_)),
+        : network(std::move(online)),
+          target(std::move(target_network)),
+          log_alpha(std::move(initial_log_alpha)),
           parameters(network->parameters()),
           target_parameters(target->parameters()),
           actor(actor_parameters(*network)),

@@ -14,7 +14,7 @@ struct EnvShare {
     /// The share of the process that the spec is for.
     explicit EnvShare(const AgentSpec& spec);
     /// All `count` environments: a single process.
-    explicit EnvShare(std::int64_t count_) : count(count_), all(count_) {}
+    explicit EnvShare(std::int64_t envs) : count(envs), all(envs) {}
 
     /// Returns this process's rows of a tensor [all, ...].
     torch::Tensor own(const torch::Tensor& global) const;

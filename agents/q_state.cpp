@@ -29,8 +29,10 @@ QNetwork initial_network(const QSettings& settings, const AgentSpec& spec, const
 
 }  // namespace
 
-QState::QState(QNetwork network_, QNetwork target_, const AdamConfig& adam_config)
-    : network(std::move(network_)), target(std::move(target_)), adam(network->parameters(), adam_config) {}
+QState::QState(QNetwork online, QNetwork target_network, const AdamConfig& adam_config)
+    : network(std::move(online)),
+      target(std::move(target_network)),
+      adam(network->parameters(), adam_config) {}
 
 QState::QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head)
     : QState(initial_network(settings, spec, head), initial_network(settings, spec, head),

@@ -13,7 +13,7 @@
 
 namespace cale {
 
-class FrameRing;
+struct FrameRing;
 
 /// The state of a replay besides frames and transitions.
 struct ReplayState {

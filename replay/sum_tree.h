@@ -41,7 +41,10 @@ class SumTree {
 
   private:
     std::int64_t leaf(std::int64_t index) const;  // its node; throws std::out_of_range
-    void restore_sum(std::int64_t node) { nodes_[node] = nodes_[2 * node] + nodes_[2 * node + 1]; }
+    void restore_sum(std::int64_t index) {
+        const auto node = static_cast<std::size_t>(index);
+        nodes_[node] = nodes_[2 * node] + nodes_[2 * node + 1];
+    }
 
     std::int64_t capacity_, leaves_;  // leaves_: the power of two that is at least capacity_
     std::vector<double> nodes_;  // [2 * leaves_] 1: the root; 2i and 2i + 1: the children of i; leaves last
