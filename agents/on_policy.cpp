@@ -51,14 +51,14 @@ RolloutBatch normalized(RolloutBatch batch, const ProcessGroup* processes) {
     return batch;
 }
 
-OnPolicyState::OnPolicyState(PpoNetwork network_, std::int64_t annealed_over_,
+OnPolicyState::OnPolicyState(PpoNetwork new_network, std::int64_t annealing_steps,
                              const OnPolicySettings& settings)
-    : network(std::move(network_)),
+    : network(std::move(new_network)),
       parameters(network->parameters()),
       adam(parameters, {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}),
       learning_rate(settings.learning_rate),
       max_gradient_norm(settings.max_gradient_norm),
-      annealed_over(annealed_over_) {}
+      annealed_over(annealing_steps) {}
 
 void OnPolicyState::anneal() {
     if (annealed_over > 0) {
