@@ -20,16 +20,16 @@ bool has_exportable_actions(const AgentSpec& spec) {
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Box>(spec.action_space)) return;
     throw std::invalid_argument(std::string(who) +
-                                " acts in a box, such as the continuous joystick; this world has discrete "
-                                "actions: for a game set env.action_space to continuous");
+                                " acts on the continuous joystick; this world has discrete actions: set "
+                                "env.action_space to continuous");
 }
 
 void require_discrete(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Discrete>(spec.action_space)) return;
-    throw std::invalid_argument(std::string(who) +
-                                " chooses among discrete actions; this world has a box, such as the "
-                                "continuous joystick: for a game set "
-                                "env.action_space to minimal or full");
+    throw std::invalid_argument(
+        std::string(who) +
+        " chooses among discrete actions; this world has the continuous joystick: set "
+        "env.action_space to minimal or full");
 }
 
 void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,
