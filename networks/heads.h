@@ -35,7 +35,7 @@ class Hidden {
     /// Throws std::invalid_argument for fewer than no layers or than one unit.
     Hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
            const at::Generator& generator);
-    torch::Tensor operator()(torch::Tensor x);
+    torch::Tensor operator()(torch::Tensor x);  // [B, in] -> [B, size]
 
     std::int64_t size;  // of what comes out
 

@@ -24,7 +24,7 @@ namespace cale {
 ///     StepResult step(std::int64_t), or
 ///     StepResult step(std::span<const float>)            as the action space says
 ///     void draw(std::span<std::uint8_t> frame) const     writes the newest array of the observation
-///     template <class Visit> void visit_state(Visit&&)   calls visit("name", member) for all that the future
+///     void visit_state(Visit&&), for any Visit           calls visit("name", member) for all that the future
 ///                                                        depends on; members are trivially copyable
 template <class Game>
 class Environments final : public World {

@@ -86,6 +86,7 @@ function with_the_usual_words(line, next_line, member) {
         return line " ///< What error messages call the agent."
     if (line ~ /^    static constexpr const char\* kSizeSettings/)
         return line " ///< The settings that make its networks smaller."
+    if (line ~ /^    bool operator==\(.*= default;$/) return line " ///< Compares member by member."
     if (line ~ /^ +~[A-Za-z]+\(\);$/) return line " ///< Frees what it holds."
     if (line ~ /^ +([A-Za-z]+& operator=|[A-Za-z]+)\([A-Za-z]+&&( other)?\) noexcept;/)
         return line " ///< Leaves the other empty."
