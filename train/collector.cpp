@@ -202,13 +202,15 @@ void Collector::restore(const TensorMap& state) {
     const auto count = results_.size();
     const auto first = static_cast<std::size_t>(first_), all = static_cast<std::size_t>(all_);
     std::vector<EpisodeRecord> records(count);
+    const auto present = world_->record();  // has the same names
     for (std::size_t i = 0; i < count; ++i) {
-        const auto prefix = fmt::format("game.{}.", first + i);
-        for (auto part = state.lower_bound(prefix); part != state.end() && part->first.starts_with(prefix);
-             ++part) {
-            const auto tensor = part->second.contiguous();  // of numbers in checkpoints of earlier versions
+        for (const auto& [name, bytes_now] : present[i]) {
+            const auto key = fmt::format("game.{}.{}", first + i, name);
+            const auto found = state.find(key);
+            if (found == state.end()) throw std::runtime_error("the state of the games lacks '" + key + "'");
+            const auto tensor = found->second.contiguous();  // of numbers in checkpoints of earlier versions
             const auto* const bytes = static_cast<const std::uint8_t*>(tensor.const_data_ptr());
-            records[i][part->first.substr(prefix.size())].assign(bytes, bytes + tensor.nbytes());
+            records[i][name].assign(bytes, bytes + tensor.nbytes());
         }
     }
     const auto global = frames_.size() / count * all, stack_size = stack_.data().size();

@@ -77,7 +77,7 @@ def main():
             other = seen.setdefault(run, agent)
             if other != agent:
                 mistakes.append(f"agents/{agent} and agents/{other} share these lines:\n{run}")
-    sys.exit("\n".join(mistakes))
+    sys.exit("\n".join(mistakes) or 0)
 
 
 main()
