@@ -193,6 +193,13 @@ torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const 
     return torch::from_blob(const_cast<std::uint8_t*>(stack.data().data()), shape, torch::kUInt8);
 }
 
+Actions view_of_actions(const torch::Tensor& actions) {
+    const auto count = static_cast<std::size_t>(actions.numel());
+    if (actions.scalar_type() == torch::kInt64)
+        return std::span(actions.const_data_ptr<std::int64_t>(), count);
+    return std::span(actions.const_data_ptr<float>(), count);
+}
+
 EvaluationPlan fixed_episodes(const EnvConfig& env) {
     EvaluationPlan plan{.env = env, .games = 100, .parallel = 16, .epsilon = 0.001};
     plan.env.noop_max = 29;
@@ -284,14 +291,7 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int6
         for (StepResult step; !step.episode_over;) {
             const auto actions =
                 decide(stack_tensor(stack, 1, space), {&number, 1}).actions.cpu().contiguous();
-            const auto count = static_cast<std::size_t>(actions.numel());
-            const std::span result(&step, 1);
-            if (actions.scalar_type() == torch::kInt64) {
-                world->step(std::span(actions.const_data_ptr<std::int64_t>(), count), frame, last_frame,
-                            result);
-            } else {
-                world->step(std::span(actions.const_data_ptr<float>(), count), frame, last_frame, result);
-            }
+            world->step(view_of_actions(actions), frame, last_frame, {&step, 1});
             if (step.terminal || step.truncated) stack.clear(0);
             stack.push(0, frame);
             ++game.rewards[step.reward];

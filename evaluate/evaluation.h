@@ -76,6 +76,9 @@ EvaluationPlan fixed_steps(const EnvConfig& env);
 
 /// Returns the observations, [N, stack, ...] uint8: a view of the stack, valid as long as it.
 torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space);
+/// Returns what World::step() takes for an agent's actions, [N, A] float32 or [N] int64, contiguous on the
+/// CPU: a view that lasts as long as they do.
+Actions view_of_actions(const torch::Tensor& actions);
 
 /// Plays the games, each in its own environment. A lost life that ends the agent's episode clears the stack
 /// and does not end the game. Throws what `decide` and the environments throw.

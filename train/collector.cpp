@@ -111,13 +111,7 @@ torch::Tensor Collector::observations() const {
 
 void Collector::step(const torch::Tensor& actions) {
     const auto rows = actions.contiguous();  // a policy's may lie column by column
-    const auto count = static_cast<std::size_t>(rows.numel());
-    if (rows.scalar_type() == torch::kInt64) {
-        world_->step(std::span(rows.const_data_ptr<std::int64_t>(), count), next_frames_, final_frames_,
-                     results_);
-    } else {
-        world_->step(std::span(rows.const_data_ptr<float>(), count), next_frames_, final_frames_, results_);
-    }
+    world_->step(view_of_actions(rows), next_frames_, final_frames_, results_);
 }
 
 void Collector::record(const torch::Tensor& actions, Agent& agent, RunState& state,
