@@ -4,6 +4,7 @@
 #include <cmath>
 #include <concepts>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,6 +34,12 @@ struct ActorCriticSettings {
     double adam_epsilon = 1.5e-4;
     double tau = 0.005;
     std::int64_t actor_period = 1;
+    double weight_decay = 0;
+    double initial_alpha = 1;
+    std::optional<double> alpha_learning_rate = std::nullopt;
+    bool entropy_in_target = true;
+    TwinEstimate twin_estimate = TwinEstimate::minimum;
+    bool act_with_target = false;
 };
 
 template <class Visit>
@@ -44,21 +51,32 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
           "uniform with probability epsilon");
     fields(settings.epsilon, visit);
     visit("learning_rate", settings.learning_rate, Range{0, 1},
-          "Adam's learning rate, for the networks and for alpha");
+          "Adam's learning rate, for the networks and, without alpha_learning_rate, for alpha");
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
     visit("tau", settings.tau, Range{0, 1},
           "part of the online network that the target takes on at every gradient step");
     visit("actor_period", settings.actor_period, Range{1, 1'000'000},
           "gradient steps of the critics for each one of the actor and of alpha");
+    visit("weight_decay", settings.weight_decay, Range{0, 1}, "of AdamW, for the networks; 0: Adam");
+    visit("initial_alpha", settings.initial_alpha, Range{1e-9, 1e9}, "alpha before the first gradient step");
+    visit("alpha_learning_rate", settings.alpha_learning_rate, Range{0, 1},
+          "alpha's own learning rate, 0: alpha stays as it is; none: learning_rate");
+    visit("entropy_in_target", settings.entropy_in_target,
+          "whether the critics' target values the policy's entropy; off: the actor alone does");
+    visit("twin_estimate", settings.twin_estimate, "of two critics: their minimum, or their mean");
+    visit("act_with_target", settings.act_with_target,
+          "whether the target's actor chooses the actions instead of the one that learns");
 }
 
 /// An actor-critic network, its target, the temperature, and their optimisers.
 /// `Network`: SacNetwork or SacdNetwork.
 template <class Network>
 struct ActorCriticState {
-    /// `log_alpha` [1] requires a gradient. The target is used as given.
+    /// `log_alpha` [1] requires a gradient. The target is used as given. alpha's optimiser is like the
+    /// networks' where it has no configuration of its own.
     ActorCriticState(Network online, Network target_network, torch::Tensor initial_log_alpha,
-                     const AdamConfig& adam_config)
+                     const AdamConfig& adam_config,
+                     const std::optional<AdamConfig>& alpha_adam_config = std::nullopt)
         : network(std::move(online)),
           target(std::move(target_network)),
           log_alpha(std::move(initial_log_alpha)),
@@ -67,17 +85,23 @@ struct ActorCriticState {
           actor(actor_parameters(*network)),
           critic(critic_parameters(*network)),
           adam(parameters, adam_config),
-          alpha_adam({log_alpha}, adam_config) {}
+          alpha_adam({log_alpha}, alpha_adam_config.value_or(adam_config)) {}
 
-    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device; alpha
-    /// is 1.
+    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device.
     template <std::derived_from<ActorCriticSettings> Config>
     ActorCriticState(const Config& settings, const AgentSpec& spec)
         : ActorCriticState(
               initial_network(settings, spec), initial_network(settings, spec),
-              torch::zeros({1}, torch::dtype(torch::kFloat32).device(spec.device)).requires_grad_(),
-              {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {
+              torch::full({1}, std::log(settings.initial_alpha),
+                          torch::dtype(torch::kFloat32).device(spec.device))
+                  .requires_grad_(),
+              {.learning_rate = settings.learning_rate,
+               .epsilon = settings.adam_epsilon,
+               .weight_decay = settings.weight_decay},
+              AdamConfig{.learning_rate = settings.alpha_learning_rate.value_or(settings.learning_rate),
+                         .epsilon = settings.adam_epsilon}) {
         if (settings.actor_period > 1) adam.delay(actor);
+        acts_with_target = settings.act_with_target;
     }
 
     /// One gradient step on `losses`, J_Q without the factor 1/2, J_pi and J_alpha, [] each; then the target
@@ -121,7 +145,11 @@ struct ActorCriticState {
             {"losses/entropy", mean(losses.entropy)},  {"losses/alpha", std::exp(mean(log_alpha.detach()))}};
     }
 
-    Network network, target;                                   // online (acts); target (values next states)
+    /// Returns the network that chooses actions.
+    Network acting() const { return acts_with_target ? target : network; }
+
+    Network network, target;                                   // online; target (values next states)
+    bool acts_with_target = false;                             // see acting()
     torch::Tensor log_alpha;                                   // [1] of the temperature
     std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
     std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them

@@ -12,16 +12,11 @@ std::vector<std::int64_t> observation_shape(const AgentSpec& spec) {
     return shape;
 }
 
-bool has_exportable_actions(const AgentSpec& spec) {
-    const auto* const box = std::get_if<Box>(&spec.action_space);
-    return box == nullptr || *box == joystick_space();
-}
-
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Box>(spec.action_space)) return;
     throw std::invalid_argument(std::string(who) +
-                                " acts on the continuous joystick; this world has discrete actions: set "
-                                "env.action_space to continuous");
+                                " acts in a box; this world has discrete actions: set env.action_space "
+                                "to continuous, and env.joystick not to factored");
 }
 
 void require_discrete(std::string_view who, const AgentSpec& spec) {
@@ -29,7 +24,7 @@ void require_discrete(std::string_view who, const AgentSpec& spec) {
     throw std::invalid_argument(
         std::string(who) +
         " chooses among discrete actions; this world has the continuous joystick: set "
-        "env.action_space to minimal or full");
+        "env.action_space to minimal or full, or env.joystick to factored");
 }
 
 void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,

@@ -74,9 +74,6 @@ struct AgentPolicy {
     double epsilon = 0;    // probability of a uniform action
 };
 
-/// Returns whether a policy file can hold actions of this world: those of a set, or of CALE's joystick.
-bool has_exportable_actions(const AgentSpec& spec);
-
 /// Returns the policy of a network with a member `acting`, such as SacNetwork.
 template <class Network>
 AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {

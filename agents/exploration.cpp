@@ -26,7 +26,26 @@ void require_finite(const torch::Tensor& actions) {
         "the actor's output is not finite: training has diverged, try a lower learning_rate");
 }
 
+std::span<const std::string_view> names_of(RandomActions) {
+    static constexpr std::array<std::string_view, 2> names{"box", "events"};
+    return names;
+}
+
+ActionBox exploration_box(const ActionSpace& space, RandomActions choice) {
+    auto box = action_box(space);
+    if (choice == RandomActions::box) return box;
+    const auto& landmarks = std::get<Box>(space).landmarks;
+    if (landmarks.empty())
+        throw std::invalid_argument(
+            "agent.random_actions: this world's actions have no events: set it to box");
+    box.landmarks = torch::tensor(at::ArrayRef<float>(landmarks)).view({-1, box_size(space)});
+    return box;
+}
+
 torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random) {
+    if (box.landmarks.defined())
+        return box.landmarks.index_select(
+            0, torch::randint(0, box.landmarks.size(0), {count}, random, torch::kInt64));
     return box.centre + box.half_width * (2 * torch::rand({count, box.centre.size(0)}, random) - 1);
 }
 

@@ -17,6 +17,15 @@ namespace cale {
 enum class Exploration { standard, epsilon_greedy };
 std::span<const std::string_view> names_of(Exploration);
 
+/// Where random actions come from: the whole box, or the world's landmarks in it (Box::landmarks), which of a
+/// joystick are its 18 events.
+enum class RandomActions { box, events };
+std::span<const std::string_view> names_of(RandomActions);
+
+/// Returns the box of a space, float32 on the CPU, for random actions as `choice` says. Throws
+/// std::invalid_argument for a box without landmarks.
+ActionBox exploration_box(const ActionSpace& space, RandomActions choice);
+
 /// The epsilons of an agent. The defaults are those of 200 million frames.
 struct EpsilonSettings {
     double epsilon_train = 0.01;
@@ -40,7 +49,8 @@ double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, s
 /// Throws std::runtime_error where an actor's output is not finite.
 void require_finite(const torch::Tensor& actions);
 
-/// [count, A]; coordinates are independent, so uniform in (r, theta) and not on the disc.
+/// [count, A]: one of the box's landmarks each, or without landmarks anywhere in the box, where coordinates
+/// are independent: uniform in (r, theta) and not on the disc.
 torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
 
 /// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability.

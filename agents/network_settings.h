@@ -16,24 +16,39 @@ struct NetworkSettings {
     PhiDqn phi_dqn = PhiDqn::conv2d;
     std::int64_t hidden_layers = 1;
     std::int64_t hidden_units = 512;
+    bool layer_norm = false;
+    bool zero_outputs = false;
 
     /// Returns the encoder's configuration for this world.
     EncoderConfig encoder_for(const AgentSpec& spec) const {
-        return {encoder, phi_dqn, observation_shape(spec)};
+        return {.encoder = encoder,
+                .phi_dqn = phi_dqn,
+                .observation = observation_shape(spec),
+                .layer_norm = layer_norm};
     }
     /// Returns the configuration of the actor and of every critic.
-    HeadConfig head() const { return {hidden_layers, hidden_units}; }
+    HeadConfig head() const {
+        HeadConfig config{
+            .hidden_layers = hidden_layers, .hidden_units = hidden_units, .layer_norm = layer_norm};
+        if (zero_outputs) config.initialise_out = zeros();
+        return config;
+    }
 };
 
 template <class Visit>
 void fields(NetworkSettings& settings, Visit&& visit) {
     visit("encoder", settings.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, or mlp, which reads bytes too");
+          "how observations become features: phi_sac, phi_dqn, impala, compact, or mlp, which reads "
+          "bytes too");
     visit("phi_dqn", settings.phi_dqn,
           "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
     visit("hidden_layers", settings.hidden_layers, Range{0, 16},
           "hidden layers of the actor and of every critic");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of a hidden layer");
+    visit("layer_norm", settings.layer_norm,
+          "normalise behind every dense layer but the last ones (Ba et al. 2016)");
+    visit("zero_outputs", settings.zero_outputs,
+          "the last layers start at zero, and with them values and mean actions");
 }
 
 }  // namespace cale

@@ -24,6 +24,7 @@
 #include "agents/state.h"
 #include "agents/time_split.h"
 #include "cale/fields.h"
+#include "replay/random_shift.h"
 #include "replay/replay.h"
 
 namespace cale {
@@ -41,6 +42,8 @@ struct ReplaySettings {
     double reward_scale = 1;
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;
     bool replay_on_device = false;
+    bool normalise_rewards = false;
+    std::int64_t random_shift = 0;
 };
 
 template <class Visit>
@@ -60,6 +63,10 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "corrected: every transition once; dopamine: the reference's accumulator");
     visit("replay_on_device", settings.replay_on_device,
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
+    visit("normalise_rewards", settings.normalise_rewards,
+          "divide rewards by the mean of their absolute values so far");
+    visit("random_shift", settings.random_shift, Range{0, 16},
+          "every sampled observation is shifted by up to so many pixels either way; 0: off");
 }
 
 /// Returns the replay's configuration for these settings.
@@ -105,6 +112,7 @@ class AgentReplay {
     c10::Event copied_;
     std::mt19937_64 random_;
     std::int64_t decisions_ = 0;
+    torch::Tensor reward_magnitude_;  // [2] float64: sum and number of |reward|; undefined if not normalised
     TimeSplit time_;
 };
 
@@ -133,13 +141,17 @@ struct RandomStreams {
 /// value.
 torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
 
-/// See AgentSpec. Throws std::invalid_argument for a world with the wrong kind of actions.
+/// Throws std::invalid_argument where observations that are no images are to be shifted.
+void check_random_shift(const ReplaySettings& settings, const AgentSpec& spec);
+
+/// See AgentSpec. Throws std::invalid_argument for a world with the wrong kind of actions or of observations.
 template <class Config>
 requires requires {
     Config::kName;
 }
-void check_settings(const Config&, const AgentSpec& spec) {
+void check_settings(const Config& config, const AgentSpec& spec) {
     Config::kDiscrete ? require_discrete(Config::kName, spec) : require_continuous(Config::kName, spec);
+    check_random_shift(config.replay, spec);
 }
 
 /// Returns whether an agent with these settings samples by priority.
@@ -169,7 +181,7 @@ struct Acting {
 ///     void add_state(StateParts&)
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
 /// and, where it has them,
-///     network->acting                                  the specification that policies are exported by
+///     acting()->acting, or network->acting             the specification that policies are exported by
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]
 ///     double epsilon(double scheduled)                 epsilon in training, if not the scheduled one
@@ -186,7 +198,7 @@ class OffPolicy final : public Agent {
         : spec_(spec),
           algorithm_(config, spec),
           replay_(config.replay, spec, is_prioritised(config)),
-          random_(spec, Algorithm::kDrawsInUpdates),
+          random_(spec, Algorithm::kDrawsInUpdates || config.replay.random_shift > 0),
           gradient_step_(spec.device, random_.of_updates()),
           critics_step_(spec.device, random_.of_updates()) {}
 
@@ -229,9 +241,10 @@ class OffPolicy final : public Agent {
         critics_step_.forget();
     }
     std::optional<AgentPolicy> policy() const override {
-        if constexpr (requires { algorithm_.network->acting; })
-            if (has_exportable_actions(spec_))
-                return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
+        if constexpr (requires { algorithm_.acting(); })
+            return policy_of_network(algorithm_.acting(), /*samples=*/false, evaluation_epsilon());
+        else if constexpr (requires { algorithm_.network->acting; })
+            return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
         return std::nullopt;
     }
     Replay* replay() override { return &replay_.buffer(); }
@@ -259,6 +272,15 @@ class OffPolicy final : public Agent {
         return false;
     }
 
+    /// The batch as an algorithm sees it, on memory of its own where it is changed.
+    Batch augmented(Batch batch) const {
+        const auto pad = algorithm_.config.replay.random_shift;
+        if (pad == 0) return batch;
+        batch.observation = random_shift(batch.observation, pad, random_.updates);
+        batch.next_observation = random_shift(batch.next_observation, pad, random_.updates);
+        return batch;
+    }
+
     void learn() {
         const Batch batch = replay_.sample();
         ++gradient_steps_;
@@ -266,11 +288,12 @@ class OffPolicy final : public Agent {
             static_assert(
                 !requires { newest_->priorities; }, "a step without the actor gives no priorities");
             if (gradient_steps_ % algorithm_.config.actor_period != 0) {
-                critics_step_([&] { algorithm_.learn(batch, random_.updates, /*with_actor=*/false); });
+                critics_step_(
+                    [&] { algorithm_.learn(augmented(batch), random_.updates, /*with_actor=*/false); });
                 return;
             }
         }
-        gradient_step_([&] { newest_ = algorithm_.learn(batch, random_.updates); });
+        gradient_step_([&] { newest_ = algorithm_.learn(augmented(batch), random_.updates); });
         if constexpr (requires { newest_->priorities; })
             if (is_prioritised(algorithm_.config)) replay_.set_priorities(batch, newest_->priorities);
     }

@@ -91,7 +91,8 @@ PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
                                        .torso = settings.torso,
                                        .hidden_layers = settings.network.hidden_layers,
                                        .hidden_units = settings.network.hidden_units,
-                                       .log_std = settings.log_std},
+                                       .log_std = settings.log_std,
+                                       .layer_norm = settings.network.layer_norm},
                       num_actions(spec.action_space), generator, action_box(spec.action_space));
 }
 
@@ -163,7 +164,6 @@ class OnPolicy final : public Agent {
     }
 
     std::optional<AgentPolicy> policy() const override {
-        if (!has_exportable_actions(spec_)) return std::nullopt;
         const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
         return policy_of_network(state_.network, /*samples=*/true,
                                  uniform ? settings_.epsilon.epsilon_eval : 0);

@@ -10,13 +10,18 @@ namespace cale {
 
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator) {
-    head.num_actions = num_actions(spec.action_space);
+    const auto& actions = std::get<Discrete>(spec.action_space);
+    head.num_actions = actions.n;
+    head.factors = actions.factors;
     head.hidden_units = settings.hidden_units;
+    head.layer_norm = settings.layer_norm;
+    head.zero_outputs = settings.zero_outputs;
     head.dueling = settings.dueling;
-    return QNetwork(
-        EncoderConfig{
-            .encoder = settings.encoder, .observation = observation_shape(spec), .padding = settings.padding},
-        head, generator);
+    return QNetwork(EncoderConfig{.encoder = settings.encoder,
+                                  .observation = observation_shape(spec),
+                                  .padding = settings.padding,
+                                  .layer_norm = settings.layer_norm},
+                    head, generator);
 }
 
 namespace {
@@ -36,7 +41,9 @@ QState::QState(QNetwork online, QNetwork target_network, const AdamConfig& adam_
 
 QState::QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head)
     : QState(initial_network(settings, spec, head), initial_network(settings, spec, head),
-             {.learning_rate = settings.learning_rate, .epsilon = settings.adam_epsilon}) {}
+             {.learning_rate = settings.learning_rate,
+              .epsilon = settings.adam_epsilon,
+              .weight_decay = settings.weight_decay}) {}
 
 void QState::step(torch::Tensor& loss) {
     adam.zero_grad();

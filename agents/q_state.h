@@ -19,6 +19,8 @@ struct QSettings {
     EncoderKind encoder = EncoderKind::phi_dqn;
     Padding padding = Padding::same;
     std::int64_t hidden_units = 512;
+    bool layer_norm = false;
+    bool zero_outputs = false;
     bool dueling = false;
     bool double_dqn = false;
     ReplaySettings replay{.reward_clip = 1};
@@ -26,15 +28,20 @@ struct QSettings {
     EpsilonSettings epsilon;
     double learning_rate = 6.25e-5;
     double adam_epsilon = 1.5e-4;
+    double weight_decay = 0;
 };
 
 template <class Visit>
 void fields(QSettings& settings, Visit&& visit) {
     visit("encoder", settings.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, or mlp, which reads bytes too");
+          "how observations become features: phi_sac, phi_dqn, impala, compact, or mlp, which reads "
+          "bytes too");
     visit("padding", settings.padding,
           "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");
+    visit("layer_norm", settings.layer_norm,
+          "normalise behind the hidden layer, and behind those of mlp (Ba et al. 2016)");
+    visit("zero_outputs", settings.zero_outputs, "the last layers, unless noisy, start at zero");
     visit("dueling", settings.dueling, "a state's value and the actions' advantages apart");
     visit("double_dqn", settings.double_dqn,
           "the online network chooses the action that the target evaluates");
@@ -44,10 +51,11 @@ void fields(QSettings& settings, Visit&& visit) {
     fields(settings.epsilon, visit);
     visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate");
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("weight_decay", settings.weight_decay, Range{0, 1}, "of AdamW; 0: Adam");
 }
 
 /// Returns a network for the spec's observations and actions, on the CPU. `head` says how action values are
-/// represented; its numbers of actions and of hidden units are set here.
+/// represented; its actions and its number of hidden units are set here.
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator);
 

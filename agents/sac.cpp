@@ -30,8 +30,10 @@ torch::Tensor target_values(SacNetwork& network, SacNetwork& target, const torch
                                      : network->policy(network->encoder->trunk(batch.next_observation));
     const auto next = sample(policy, noise.target, target->box);
     const auto action = targets_mean ? mean_action(policy, target->box) : next.action;
-    const auto q = target->values(target->encoder->critic_branch(features), action).minimum();
-    return bootstrapped(batch, q - alpha * next.log_prob, config.replay.reward_scale);
+    const auto q =
+        target->values(target->encoder->critic_branch(features), action).estimate(config.twin_estimate);
+    const auto value = config.entropy_in_target ? q - alpha * next.log_prob : q;
+    return bootstrapped(batch, value, config.replay.reward_scale);
 }
 
 }  // namespace
@@ -60,7 +62,7 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     // Actor, SAC's equation 9, with its two Q-functions' minimum.
     const auto policy = network->policy(features);
     const auto pi = sample(policy, noise.actor, network->box);
-    const auto q_pi = network->values(critic_z.detach(), pi.action).minimum();
+    const auto q_pi = network->values(critic_z.detach(), pi.action).estimate(config.twin_estimate);
     losses.actor = (alpha * pi.log_prob - q_pi).mean();
     losses.mean_action = mean_action(policy, network->box).detach();
 
@@ -95,14 +97,14 @@ struct Sac : ActorCriticState<SacNetwork> {
         : ActorCriticState(settings, spec),
           config(settings),
           space(spec.action_space),
-          box(action_box(space)) {}
+          box(exploration_box(space, settings.random_actions)) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto count = observations.size(0);
         if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);
         const auto noise =
             now.training() ? torch::randn({count, box_size(space)}, now.random) : torch::Tensor();
-        const auto policy = network->policy(network->encoder->trunk(observations));
+        const auto policy = acting()->policy(acting()->encoder->trunk(observations));
         const auto actions = now.training()
                                  ? sample(policy, noise.to(observations.device()), network->box).action
                                  : mean_action(policy, network->box);

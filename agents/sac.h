@@ -31,6 +31,7 @@ struct SacConfig : ActorCriticSettings {
 
     double target_entropy = -1.5;
     CriticTarget critic_target = CriticTarget::target_mean_action;
+    RandomActions random_actions = RandomActions::box;
 };
 
 template <class Visit>
@@ -41,6 +42,8 @@ void fields(SacConfig& config, Visit&& visit) {
     visit("critic_target", config.critic_target,
           "target_mean_action: value of the target actor's mean action; sampled_action: of the online "
           "actor's sample, as in Haarnoja et al.");
+    visit("random_actions", config.random_actions,
+          "in the warm-up and by epsilon; box: uniform in it; events: uniform over the 18 joystick events");
 }
 
 /// Standard normal numbers of one update, [B, A] each.

@@ -29,8 +29,8 @@ torch::Tensor target_values(SacdNetwork& network, SacdNetwork& target, const tor
     const auto log_pi = config.next_policy == NextPolicy::target
                             ? target->log_policy(features)
                             : network->log_policy(network->encoder->trunk(batch.next_observation));
-    const auto q = target->critic(target->encoder->critic_branch(features)).minimum();
-    const auto soft_value = (log_pi.exp() * (q - alpha * log_pi)).sum(1);
+    const auto q = target->critic(target->encoder->critic_branch(features)).estimate(config.twin_estimate);
+    const auto soft_value = (log_pi.exp() * (config.entropy_in_target ? q - alpha * log_pi : q)).sum(1);
     return bootstrapped(batch, soft_value, config.replay.reward_scale);
 }
 
@@ -57,7 +57,7 @@ SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const 
     // Actor, SAC-D's equation 12: a sum over the actions, not their mean.
     const auto log_pi = network->log_policy(features);
     const auto pi = log_pi.exp();
-    losses.actor = (pi * (alpha * log_pi - values.minimum().detach())).sum(1).mean();
+    losses.actor = (pi * (alpha * log_pi - values.estimate(config.twin_estimate).detach())).sum(1).mean();
 
     // Temperature, SAC-D's equation 11, with log alpha in alpha's place as in SAC's code.
     losses.entropy = -(pi * log_pi).sum(1).detach();
@@ -96,7 +96,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         if (now.training() && now.epsilon >= 1)
             return torch::randint(0, num_actions, {observations.size(0)}, now.random, torch::kInt64);
-        const auto log_pi = network->log_policy(network->encoder->trunk(observations));
+        const auto log_pi = acting()->log_policy(acting()->encoder->trunk(observations));
         const auto actions =
             now.training() ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                            : log_pi.argmax(1).cpu();

@@ -60,7 +60,7 @@ std::span<const std::string_view> names_of(PaddleStrength) {
 }
 
 ActionSpace action_space(const EnvConfig& config) {
-    if (config.action_space == ActionSet::continuous) return joystick_space();
+    if (config.action_space == ActionSet::continuous) return joystick_space(config.joystick);
     return Discrete{kEventCount};
 }
 

@@ -15,6 +15,7 @@
 #include "cale/action.h"
 #include "cale/fields.h"
 #include "cale/frames.h"
+#include "cale/joystick.h"
 #include "world/spaces.h"
 #include "world/step_result.h"
 
@@ -41,6 +42,7 @@ struct EnvConfig {
     std::int64_t env_threads = 0;  // 0: one per environment, at most one per core
     Obs obs = Obs::pixels;
     ActionSet action_space = ActionSet::continuous;
+    Joystick joystick = Joystick::polar;
     double threshold = 0.5;
     EventMap event_map = EventMap::symmetric;
     PaddleStrength paddle_strength = PaddleStrength::one;
@@ -64,6 +66,12 @@ void fields(EnvConfig& config, Visit&& visit) {
           "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes, for agent.encoder mlp");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
+    visit(
+        "joystick", config.joystick,
+        "coordinates of the continuous joystick; polar: (r, theta, fire), the paper's; cartesian: (x, y, "
+        "fire); "
+        "direction: (cos theta, sin theta, r, fire); factored: x and y three ways each, fire two, for agents "
+        "that choose among actions");
     visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
     visit("event_map", config.event_map,
           "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");

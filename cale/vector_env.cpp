@@ -101,7 +101,9 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
 
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
+        : joystick(config.joystick),
+          sticks(seeds.size()),
+          frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
           observation_space(cale::observation_space(config)),
           envs(seeds.size()),
           errors(seeds.size()),
@@ -156,7 +158,9 @@ struct VectorEnv::Impl {
         });
     }
 
-    std::size_t frame_size;  // bytes
+    Joystick joystick;
+    std::vector<ContinuousAction> sticks;  // of the step under way
+    std::size_t frame_size;                // bytes
     ObservationSpace observation_space;
     std::vector<std::optional<Env>> envs;  // empty only until their threads have made them
     std::vector<std::exception_ptr> errors;
@@ -197,7 +201,7 @@ const Env& VectorEnv::env(std::int64_t index) const {
 }
 
 ActionSpace VectorEnv::action_space() const {
-    if (actions().empty()) return joystick_space();
+    if (actions().empty()) return joystick_space(impl_->joystick);
     return Discrete{std::ssize(actions())};
 }
 ObservationSpace VectorEnv::observation_space() const {
@@ -239,13 +243,20 @@ void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::u
 
 void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
-    if (const auto* numbers = std::get_if<std::span<const std::int64_t>>(&actions))
-        return impl_->step(*numbers, frames, final_frames, results);
-    const auto coordinates = std::get<std::span<const float>>(actions);
-    static_assert(sizeof(ContinuousAction) == 3 * sizeof(float));
-    require_size(coordinates.size(), 3 * impl_->envs.size(), "coordinates of actions");
-    step(std::span(reinterpret_cast<const ContinuousAction*>(coordinates.data()), impl_->envs.size()), frames,
-         final_frames, results);
+    const auto count = impl_->envs.size();
+    auto& sticks = impl_->sticks;
+    if (const auto* numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
+        if (!this->actions().empty()) return impl_->step(*numbers, frames, final_frames, results);
+        require_size(numbers->size(), count, "actions");
+        for (std::size_t i = 0; i < count; ++i) sticks[i] = factored_stick((*numbers)[i]);
+    } else {
+        const auto coordinates = std::get<std::span<const float>>(actions);
+        const auto size = stick_coordinates(impl_->joystick).size();
+        require_size(coordinates.size(), size * count, "coordinates of actions");
+        for (std::size_t i = 0; i < count; ++i)
+            sticks[i] = stick(impl_->joystick, coordinates.subspan(i * size, size));
+    }
+    step(std::span<const ContinuousAction>(sticks), frames, final_frames, results);
 }
 
 }  // namespace cale

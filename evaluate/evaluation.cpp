@@ -63,6 +63,7 @@ class GameInPlay {
         : number_(number),
           epsilon_(plan.epsilon),
           threshold_(plan.env.threshold),
+          joystick_(plan.env.joystick),
           env_(plan.env, derive_seed(plan.seed, "evaluation", number)),
           noise_(derive_seed(plan.seed, "evaluation noise", number)),
           frame_(static_cast<std::size_t>(observation_space(plan.env).frame_size())) {
@@ -87,8 +88,7 @@ class GameInPlay {
         StepResult step;
         const bool at_random = epsilon_ > 0 && std::uniform_real_distribution<double>()(noise_) < epsilon_;
         if (env_.actions().empty()) {
-            const float* a = chosen.actions.const_data_ptr<float>() + 3 * i;
-            joystick = at_random ? random_joystick(noise_) : ContinuousAction{a[0], a[1], a[2]};
+            joystick = at_random ? random_joystick(noise_) : chosen_stick(joystick_, chosen.actions, i);
             step = env_.step(*joystick, frame_);
         } else {
             std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env_.actions()) - 1);
@@ -122,6 +122,7 @@ class GameInPlay {
     std::int64_t number_;
     double epsilon_;
     double threshold_;
+    Joystick joystick_;
     Env env_;
     std::mt19937 noise_;
     std::optional<Film> film_;
@@ -147,9 +148,12 @@ void begin_games(const EvaluationPlan& plan, const std::vector<std::int64_t>& ro
 }
 
 /// On the CPU, contiguous, as many as there are games, of the kind that the action space wants.
-Chosen checked(Chosen chosen, std::int64_t games, bool continuous) {
+Chosen checked(Chosen chosen, std::int64_t games, const ActionSpace& space) {
     auto& [actions, values] = chosen;
-    const auto wanted = continuous ? std::vector<std::int64_t>{games, 3} : std::vector<std::int64_t>{games};
+    const auto coordinates = box_size(space);
+    const bool continuous = coordinates > 0;
+    const auto wanted =
+        continuous ? std::vector<std::int64_t>{games, coordinates} : std::vector<std::int64_t>{games};
     if (actions.sizes() != torch::IntArrayRef(wanted) ||
         actions.scalar_type() != (continuous ? torch::kFloat32 : torch::kInt64)) {
         throw std::invalid_argument(
@@ -200,6 +204,12 @@ Actions view_of_actions(const torch::Tensor& actions) {
     return std::span(actions.const_data_ptr<float>(), count);
 }
 
+ContinuousAction chosen_stick(Joystick joystick, const torch::Tensor& actions, std::int64_t i) {
+    if (joystick == Joystick::factored) return factored_stick(actions.const_data_ptr<std::int64_t>()[i]);
+    const auto size = actions.size(1);
+    return stick(joystick, {actions.const_data_ptr<float>() + size * i, static_cast<std::size_t>(size)});
+}
+
 EvaluationPlan fixed_episodes(const EnvConfig& env) {
     EvaluationPlan plan{.env = env, .games = 100, .parallel = 16, .epsilon = 0.001};
     plan.env.noop_max = 29;
@@ -215,7 +225,7 @@ EvaluationPlan fixed_steps(const EnvConfig& env) {
 }
 
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
-    const bool continuous = plan.env.action_space == ActionSet::continuous;
+    const auto actions = action_space(plan.env);
     const auto rows =
         static_cast<std::size_t>(std::max(std::int64_t{1}, std::min(plan.parallel, plan.games)));
     auto space = observation_space(plan.env);
@@ -253,7 +263,7 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
         const auto count = std::ssize(active);
         const auto observations =
             active.size() == rows ? all_rows : all_rows.index_select(0, torch::tensor(active));
-        const Chosen chosen = checked(decide(observations, numbers), count, continuous);
+        const Chosen chosen = checked(decide(observations, numbers), count, actions);
         at::parallel_for(0, count, 1, [&](std::int64_t first, std::int64_t last) {
             for (std::int64_t i = first; i < last; ++i) {
                 const auto row = static_cast<std::size_t>(active[static_cast<std::size_t>(i)]);

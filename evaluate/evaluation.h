@@ -22,9 +22,13 @@ namespace cale {
 
 /// The actions chosen for N games.
 struct Chosen {
-    torch::Tensor actions;   // [N, 3] float32, or [N] int64
+    torch::Tensor actions;   // [N, coordinates] float32, or [N] int64
     torch::Tensor values{};  // [N] float32, the values of the chosen actions; undefined if unknown
 };
+
+/// Returns the joystick for action `i` of `actions`, which are in the coordinates of `joystick`, on the CPU
+/// and contiguous.
+ContinuousAction chosen_stick(Joystick joystick, const torch::Tensor& actions, std::int64_t i);
 
 /// Chooses for N games under way. `observations`: [N, depth, 84, 84] uint8, valid during the call;
 /// `games`: the numbers of the games that its rows belong to.

@@ -40,10 +40,16 @@ torch::Tensor in_equal_batches(const torch::Tensor& observations, const Forward&
 void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     const auto space = names_of(env.action_space)[static_cast<std::size_t>(env.action_space)];
     const bool continuous = env.action_space == ActionSet::continuous;
-    if (continuous != policy.actions.empty()) {
+    if (continuous != (policy.action_space == "continuous")) {
         throw std::invalid_argument(
             fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",
                         policy.action_space, space));
+    }
+    if (continuous && env.joystick != policy.joystick) {
+        throw std::invalid_argument(
+            fmt::format("this policy moves the joystick in other coordinates than env.joystick={}: leave "
+                        "that setting as it was",
+                        names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]));
     }
     if (continuous) return;
     const Env world(env, /*seed=*/0);

@@ -22,7 +22,8 @@ SacNetworkImpl::SacNetworkImpl(const EncoderConfig& encoder_config, const HeadCo
                                at::Generator generator, ActionBox action_box)
     : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
       box(std::move(action_box)),
-      acting(acting_half(encoder_config, encoder, head_config, {Head::Kind::squashed_gaussian})) {
+      acting(acting_half(encoder_config, encoder, head_config,
+                         {.kind = Head::Kind::squashed_gaussian, .axes = box.centre.size(0)})) {
     const auto axes = box.centre.size(0);
     actor = register_module("actor", Mlp(encoder->size(), 2 * axes, head_config, generator));
     critic = register_module("critic", TwinCritic(encoder->size() + axes, 1, head_config, generator));
@@ -44,7 +45,8 @@ SacdNetworkImpl::SacdNetworkImpl(const EncoderConfig& encoder_config, const Head
     : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
       actor(register_module("actor", Mlp(encoder->size(), num_actions, head_config, generator))),
       critic(register_module("critic", TwinCritic(encoder->size(), num_actions, head_config, generator))),
-      acting(acting_half(encoder_config, encoder, head_config, {Head::Kind::categorical, num_actions})) {}
+      acting(acting_half(encoder_config, encoder, head_config,
+                         {.kind = Head::Kind::categorical, .num_actions = num_actions})) {}
 
 torch::Tensor SacdNetworkImpl::log_policy(const torch::Tensor& features) {
     return actor(encoder->actor_branch(features)).log_softmax(1);

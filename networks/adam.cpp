@@ -64,9 +64,9 @@ void Adam::step(bool with_delayed) {
     steps_.add_(1);
     if (with_delayed && delayed_steps_.defined()) delayed_steps_.add_(1);
     const auto update = [&](const auto& learning_rate) {
-        at::_fused_adam_(parameters, gradients, first_moments, second_moments, {}, steps, learning_rate,
-                         config_.beta1, config_.beta2, /*weight_decay=*/0, config_.epsilon,
-                         /*amsgrad=*/false, /*maximize=*/false);
+        at::_fused_adamw_(parameters, gradients, first_moments, second_moments, {}, steps, learning_rate,
+                          config_.beta1, config_.beta2, config_.weight_decay, config_.epsilon,
+                          /*amsgrad=*/false, /*maximize=*/false);
     };
     if (learning_rate_.defined()) {
         update(learning_rate_);

@@ -17,6 +17,8 @@ struct AdamConfig {
     double beta1 = 0.9;              // decay of the first moment, per step
     double beta2 = 0.999;            // decay of the second
     double epsilon = 1.5e-4;         // outside the root
+    /// Of AdamW (Loshchilov & Hutter 2019): p -= learning_rate * weight_decay * p before the step.
+    double weight_decay = 0;
 };
 
 /// Kingma & Ba 2015, bias-corrected, epsilon outside the root:

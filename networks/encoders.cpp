@@ -17,27 +17,29 @@ namespace {
 struct Encoder {
     std::string_view name;
     Layers (*trunk)(const EncoderConfig& config);
-    Layers (*branch)(bool of_critic);
+    Layers (*branch)(const EncoderConfig& config, bool of_critic);
     Initialiser (*initialiser)();
 };
 
-Layers phi_sac_branch(bool of_critic) {
+Layers narrow_branch(const EncoderConfig&, bool of_critic) {
     return tanh_branch(of_critic ? "critic" : "actor");
 }
 
-Layers wide_branch(bool of_critic) {
-    return relu_branch(of_critic ? "critic" : "actor", /*layer_norm=*/of_critic);
+Layers wide_branch(const EncoderConfig& config, bool of_critic) {
+    return relu_branch(of_critic ? "critic" : "actor", of_critic || config.layer_norm);
 }
 
 /// In the order of EncoderKind.
-constexpr std::array<Encoder, 4> kEncoders{{
-    {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, phi_sac_branch,
+constexpr std::array<Encoder, 5> kEncoders{{
+    {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, narrow_branch,
      [] { return orthogonal(); }},
     {"phi_dqn",
      [](const EncoderConfig& config) { return phi_dqn(config.padding, config.phi_dqn == PhiDqn::row1d); },
      wide_branch, glorot_uniform},
     {"impala", [](const EncoderConfig&) { return impala(); }, wide_branch, glorot_uniform},
-    {"mlp", [](const EncoderConfig&) { return mlp(); }, wide_branch, glorot_uniform},
+    {"mlp", [](const EncoderConfig& config) { return mlp(config.layer_norm); }, narrow_branch,
+     glorot_uniform},
+    {"compact", [](const EncoderConfig&) { return compact(); }, narrow_branch, glorot_uniform},
 }};
 
 const Encoder& encoder_of(const EncoderConfig& config) {
@@ -81,11 +83,11 @@ Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, const at::Ge
     : stack_(owner, trunk_layers(config), config.observation, initialiser_of(config), generator) {}
 
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
-    : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(/*of_critic=*/false)})),
+    : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(config, /*of_critic=*/false)})),
       trunk_(*this, config, generator),
-      critic_(*this, encoder_of(config).branch(true), {trunk_.features()}, encoder_of(config).initialiser(),
-              generator),
-      actor_(*this, encoder_of(config).branch(false), {trunk_.features()}, encoder_of(config).initialiser(),
-             generator) {}
+      critic_(*this, encoder_of(config).branch(config, true), {trunk_.features()},
+              encoder_of(config).initialiser(), generator),
+      actor_(*this, encoder_of(config).branch(config, false), {trunk_.features()},
+             encoder_of(config).initialiser(), generator) {}
 
 }  // namespace cale

@@ -17,7 +17,7 @@
 namespace cale {
 
 /// The encoders that agents choose from; one row each of the table in encoders.cpp.
-enum class EncoderKind { phi_sac, phi_dqn, impala, mlp };
+enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact };
 /// conv2d: the convolutions as Mnih et al. meant them. row1d: as Dopamine's CALE agents run
 /// them, where each row of the image is convolved by itself.
 enum class PhiDqn { conv2d, row1d };
@@ -31,6 +31,7 @@ struct EncoderConfig {
     std::vector<std::int64_t> observation{4, 84, 84};  // [stack, rows, columns], or [stack, bytes]
     Padding padding = Padding::same;                   // of phi_sac and phi_dqn
     Initialiser initialise = nullptr;                  // none: the encoder's own
+    bool layer_norm = false;                           // after every dense layer, not only the critic's
 };
 
 /// Returns the layers from an observation to the features. Throws std::invalid_argument where a convolutional
@@ -59,8 +60,11 @@ class Trunk {
 
 /// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains
 /// the trunk, the actor's does not.
-///   phi_sac     Dense 50, LayerNorm, tanh on both branches
-///   the others  Dense 512, ReLU; LayerNorm before the ReLU on the critic's branch only
+///   phi_sac, mlp, compact
+///               Dense 50, LayerNorm, tanh on both branches: few enough for an action of three numbers to
+///               count beside them in the critics
+///   the others  Dense 512, ReLU; LayerNorm before the ReLU on the critic's branch, and on the actor's where
+///               EncoderConfig::layer_norm
 class TwoBranchEncoderImpl : public torch::nn::Module {
   public:
     TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator);

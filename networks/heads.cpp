@@ -15,33 +15,18 @@
 
 namespace cale {
 
-Hidden::Hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
-               const at::Generator& generator)
-    : size(config.hidden_layers > 0 ? config.hidden_units : in), activation_(config.activation) {
+Layers hidden_layers(const HeadConfig& config) {
     if (config.hidden_layers < 0 || config.hidden_units < 1) {
         throw std::invalid_argument("a head has 0 or more hidden_layers of 1 or more hidden_units, not " +
                                     std::to_string(config.hidden_layers) + " of " +
                                     std::to_string(config.hidden_units));
     }
-    for (std::int64_t layer = 1; layer <= config.hidden_layers; ++layer) {
-        layers_.push_back(owner.register_module(
-            "fc" + std::to_string(layer), Dense(in, config.hidden_units, config.initialise, generator)));
-        in = config.hidden_units;
-    }
-}
-
-torch::Tensor Hidden::operator()(torch::Tensor x) {
-    for (auto& layer : layers_) x = activation_ == Layer::Kind::relu ? layer(x).relu_() : layer(x).tanh_();
-    return x;
-}
-
-Layers hidden_layers(const HeadConfig& config) {
-    return hidden_layers(config.hidden_layers, config.hidden_units, config.activation);
+    return hidden_layers(config.hidden_layers, config.hidden_units, config.activation, config.layer_norm);
 }
 
 MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator)
-    : hidden_(*this, in, config, generator),
-      out_(register_module("out", Dense(hidden_.size, out, config.initialise_out, generator))) {}
+    : hidden_(*this, hidden_layers(config), {in}, config.initialise, generator),
+      out_(register_module("out", Dense(hidden_.features(), out, config.initialise_out, generator))) {}
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
     return out_(hidden_(std::move(x)));
@@ -49,6 +34,11 @@ torch::Tensor MlpImpl::forward(torch::Tensor x) {
 
 torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {
     return values.gather(1, actions.unsqueeze(1)).squeeze(1);
+}
+
+std::span<const std::string_view> names_of(TwinEstimate) {
+    static constexpr std::array<std::string_view, 2> names{"minimum", "mean"};
+    return names;
 }
 
 TwinCriticImpl::TwinCriticImpl(std::int64_t in, std::int64_t out, const HeadConfig& config,
@@ -73,7 +63,9 @@ ActionBox joystick_box() {
 
 ActionBox action_box(const ActionSpace& space) {
     const auto* const limits = std::get_if<Box>(&space);
-    if (limits == nullptr || *limits == joystick_space()) return joystick_box();  // pi in double precision
+    const auto joystick = joystick_space();
+    if (limits == nullptr || (limits->low == joystick.low && limits->high == joystick.high))
+        return joystick_box();  // pi in double precision
     const auto low = torch::tensor(at::ArrayRef<float>(limits->low));
     const auto high = torch::tensor(at::ArrayRef<float>(limits->high));
     ActionBox box{(low + high) / 2, (high - low) / 2};

@@ -11,6 +11,7 @@
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
+#include "networks/layer_stack.h"
 #include "networks/layers.h"
 #include "policy/network_spec.h"
 #include "world/spaces.h"
@@ -24,25 +25,12 @@ struct HeadConfig {
     Layer::Kind activation = Layer::Kind::relu;     // of the hidden layers: relu or tanh
     Initialiser initialise = glorot_uniform();      // of the hidden layers
     Initialiser initialise_out = glorot_uniform();  // of the last one
+    bool layer_norm = false;                        // before every activation
 };
 
-/// Returns fc1, fc2, ..., each with its activation.
+/// Returns fc1, fc2, ..., each with its activation. Throws std::invalid_argument for fewer than no layers or
+/// than one unit.
 Layers hidden_layers(const HeadConfig& config);
-
-/// fc1, fc2, ... of the module `owner`, each with its activation: [B, in] -> [B, size].
-class Hidden {
-  public:
-    /// Throws std::invalid_argument for fewer than no layers or than one unit.
-    Hidden(torch::nn::Module& owner, std::int64_t in, const HeadConfig& config,
-           const at::Generator& generator);
-    torch::Tensor operator()(torch::Tensor x);  // [B, in] -> [B, size]
-
-    std::int64_t size;  // of what comes out
-
-  private:
-    Layer::Kind activation_;
-    std::vector<Dense> layers_;
-};
 
 /// fc1, fc2, ..., each with its activation, then out.
 class MlpImpl : public torch::nn::Module {
@@ -52,7 +40,7 @@ class MlpImpl : public torch::nn::Module {
     torch::Tensor forward(torch::Tensor x);
 
   private:
-    Hidden hidden_;
+    LayerStack hidden_;
     Dense out_{nullptr};
 };
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
@@ -60,9 +48,18 @@ using Mlp = torch::nn::ModuleHolder<MlpImpl>;
 /// values [B, A], actions [B] int64 -> the values of the actions, [B].
 torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions);
 
+/// What two critics together estimate: the smaller value (Fujimoto et al. 2018), or the mean (Zhou et al.
+/// 2022, "Revisiting Discrete Soft Actor-Critic").
+enum class TwinEstimate { minimum, mean };
+std::span<const std::string_view> names_of(TwinEstimate);
+
 /// Two estimates of the same action values, of one shape.
 struct TwinValues {
     torch::Tensor q1, q2;  // the two critics'
+    /// What the two of them together estimate.
+    torch::Tensor estimate(TwinEstimate how) const {
+        return how == TwinEstimate::minimum ? minimum() : (q1 + q2) / 2;
+    }
     /// The smaller of the two, element by element.
     torch::Tensor minimum() const { return torch::minimum(q1, q2); }
 };
@@ -83,6 +80,7 @@ using TwinCritic = torch::nn::ModuleHolder<TwinCriticImpl>;
 struct ActionBox {
     torch::Tensor centre, half_width;  // [A] each
     double log_half_widths = 0;        // sum over coordinates
+    torch::Tensor landmarks{};  // [K, A] that random actions are chosen among; undefined: the whole box
 };
 
 /// CALE's joystick (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1], float32 on the CPU.

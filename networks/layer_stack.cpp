@@ -1,7 +1,9 @@
 #include "networks/layer_stack.h"
 
 #include <array>
+#include <functional>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -54,7 +56,7 @@ torch::Tensor max_pool_same(const torch::Tensor& x, std::int64_t kernel, std::in
 
 LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std::vector<std::int64_t>& input,
                        const Initialiser& initialise, const at::Generator& generator)
-    : input_(input) {
+    : input_(input), features_(std::reduce(input.begin(), input.end(), std::int64_t{1}, std::multiplies())) {
     for (const auto& layer : sized_layers(layers, input)) {
         Parameters parameters;
         if (layer.kind == Kind::conv) {
@@ -77,7 +79,7 @@ LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std
 
 torch::Tensor LayerStack::operator()(torch::Tensor x) const {
     torch::Tensor kept;
-    bool behind_convolution = false;
+    bool behind_product = false;
     for (const auto& [layer, parameters] : items_) {
         switch (layer.kind) {
             case Kind::conv: {
@@ -89,8 +91,8 @@ torch::Tensor LayerStack::operator()(torch::Tensor x) const {
                 x = max_pool_same(x, layer.kernel, layer.stride);
                 break;
             case Kind::relu:
-                // Images are large, and nothing else needs a convolution's result.
-                x = behind_convolution ? x.relu_() : x.relu();
+                // Nothing else needs the result of a convolution or of a dense layer.
+                x = behind_product ? x.relu_() : x.relu();
                 break;
             case Kind::tanh:
                 x = x.tanh();
@@ -114,7 +116,7 @@ torch::Tensor LayerStack::operator()(torch::Tensor x) const {
                 break;
             }
         }
-        behind_convolution = layer.kind == Kind::conv;
+        behind_product = layer.kind == Kind::conv || layer.kind == Kind::dense;
     }
     return x;
 }

@@ -6,6 +6,7 @@
 
 #include <stdexcept>
 
+#include <torch/nn/init.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
@@ -33,6 +34,10 @@ Initialiser glorot_uniform() {
         const double bound = std::sqrt(6 / fans);
         weight.uniform_(-bound, bound, generator);
     };
+}
+
+Initialiser zeros() {
+    return [](torch::Tensor& weight, const at::Generator&) { torch::nn::init::zeros_(weight); };
 }
 
 std::int64_t parameter_bytes(const torch::nn::Module& module) {

@@ -32,6 +32,8 @@ std::int64_t parameter_bytes(const torch::nn::Module& module);
 Initialiser orthogonal(double gain = 1);
 /// Uniform within +-sqrt(6 / (fan_in + fan_out)); fans count the receptive field (Glorot & Bengio 2010).
 Initialiser glorot_uniform();
+/// Zeros: a last layer that begins like this gives 0 for everything.
+Initialiser zeros();
 
 /// x W^T + b. weight [out, in], bias [out], which starts at zero.
 class DenseImpl : public torch::nn::Module {

@@ -27,13 +27,12 @@ std::span<const std::string_view> names_of(LogStd) {
 
 GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, const HeadConfig& config,
                                      LogStd log_std, at::Generator generator)
-    : hidden_(*this, in, config, generator),
-      mean_(register_module("mean", Dense(hidden_.size, action_size, config.initialise_out, generator))) {
+    : hidden_(*this, hidden_layers(config), {in}, config.initialise, generator),
+      mean_(
+          register_module("mean", Dense(hidden_.features(), action_size, config.initialise_out, generator))) {
     if (log_std == LogStd::summed) {
-        const Initialiser zero = [](torch::Tensor& weight, const at::Generator&) {
-            torch::nn::init::zeros_(weight);
-        };
-        summed_log_std_ = register_module("log_std", Dense(hidden_.size, action_size, zero, generator));
+        summed_log_std_ =
+            register_module("log_std", Dense(hidden_.features(), action_size, zeros(), generator));
     } else {
         direct_log_std_ = register_parameter("log_std", torch::zeros({action_size}));
     }
@@ -73,7 +72,7 @@ PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_
     }
     const auto head = [&](double gain) {
         return HeadConfig{config.hidden_layers, config.hidden_units, Layer::Kind::tanh, hidden,
-                          orthogonal(gain)};
+                          orthogonal(gain),     config.layer_norm};
     };
     if (num_actions == 0) {
         gaussian_ = register_module(
@@ -87,7 +86,9 @@ PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_
     acting = {encoder.observation,
               chain({prefixed("encoder.", two_branch_ ? two_branch_->actor_layers : shared_->layers),
                      prefixed("actor.", hidden_layers(head(1)))}),
-              {num_actions == 0 ? Head::Kind::gaussian : Head::Kind::categorical, num_actions}};
+              {.kind = num_actions == 0 ? Head::Kind::gaussian : Head::Kind::categorical,
+               .num_actions = num_actions,
+               .axes = box.centre.size(0)}};
 }
 
 PpoNetworkImpl::Output PpoNetworkImpl::forward(const torch::Tensor& observation) {

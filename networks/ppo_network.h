@@ -56,7 +56,7 @@ class GaussianActorImpl : public torch::nn::Module {
     SquashedGaussian forward(torch::Tensor x);
 
   private:
-    Hidden hidden_;
+    LayerStack hidden_;
     Dense mean_{nullptr}, summed_log_std_{nullptr};
     torch::Tensor direct_log_std_;
 };
@@ -69,6 +69,7 @@ struct PpoNetworkConfig {
     std::int64_t hidden_layers = 2;   // of the actor and of the critic, tanh
     std::int64_t hidden_units = 64;   // of each hidden layer
     LogStd log_std = LogStd::summed;  // how the standard deviation is parameterised
+    bool layer_norm = false;          // before the activations of the actor and of the critic
 };
 
 /// A policy in some states: a Gaussian on the joystick's box, or log-probabilities [B, A].

@@ -1,5 +1,7 @@
 #include "networks/q_network.h"
 
+#include <functional>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -12,35 +14,61 @@ NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& enc
                         const QHeadConfig& config) {
     return {std::move(observation),
             chain({prefixed("encoder.", encoder),
-                   prefixed("head.", hidden_layers(1, config.hidden_units, Layer::Kind::relu))}),
-            {Head::Kind::values, config.num_actions, config.dueling, config.num_atoms, config.value_limit}};
+                   prefixed("head.",
+                            hidden_layers(1, config.hidden_units, Layer::Kind::relu, config.layer_norm))}),
+            {.kind = Head::Kind::values,
+             .num_actions = config.num_actions,
+             .dueling = config.dueling,
+             .num_atoms = config.num_atoms,
+             .value_limit = config.value_limit}};
 }
 
 torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages) {
     return value + advantages - advantages.mean(1, /*keepdim=*/true);
 }
 
+torch::Tensor factor_means(const std::vector<std::int64_t>& factors) {
+    const auto actions = std::reduce(factors.begin(), factors.end(), std::int64_t{1}, std::multiplies());
+    std::vector<torch::Tensor> choices;  // [A, factor] each
+    auto every = actions;                // so many actions share a choice, or a cycle of them
+    for (const auto factor : factors) {
+        every /= factor;
+        const auto chosen = torch::arange(actions).div(every, "floor").remainder(factor);
+        choices.push_back(torch::one_hot(chosen, factor).to(torch::kFloat32));
+    }
+    return torch::cat(choices, 1) / static_cast<double>(factors.size());
+}
+
 QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator)
-    : config_(config), in_(in) {
+    : config_(config),
+      in_(in),
+      choices_(config.factors.empty() ? config.num_actions
+                                      : std::reduce(config.factors.begin(), config.factors.end())) {
     if (config.num_actions < 1 || config.hidden_units < 1 || config.num_atoms < 1) {
         throw std::invalid_argument(
             "a head of action values has at least one action, hidden unit and atom, not " +
             std::to_string(config.num_actions) + ", " + std::to_string(config.hidden_units) + " and " +
             std::to_string(config.num_atoms));
     }
-    const auto out = config.num_actions * config.num_atoms;
-    fc1_ = add_layer("fc1", in, config.hidden_units, generator);
-    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, generator);
-    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, generator);
+    const auto out = choices_ * config.num_atoms;
+    if (!config.factors.empty()) combine_ = register_buffer("combine", factor_means(config.factors));
+    fc1_ = add_layer("fc1", in, config.hidden_units, glorot_uniform(), generator);
+    if (config.layer_norm) {
+        const auto options = torch::nn::LayerNormOptions({config.hidden_units}).eps(kLayerNormEpsilon);
+        norm_ = register_module("ln1", torch::nn::LayerNorm(options));
+    }
+    const auto last = config.zero_outputs ? zeros() : glorot_uniform();
+    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, last, generator);
+    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, last, generator);
 }
 
 QHeadImpl::Layer QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out,
-                                      at::Generator generator) {
+                                      const Initialiser& initialise, at::Generator generator) {
     Layer layer;
     if (config_.noisy) {
         layer.noisy = register_module(name, NoisyDense(in, out, config_.initial_sigma, generator));
     } else {
-        layer.plain = register_module(name, Dense(in, out, glorot_uniform(), generator));
+        layer.plain = register_module(name, Dense(in, out, initialise, generator));
     }
     return layer;
 }
@@ -50,9 +78,11 @@ torch::Tensor QHeadImpl::Layer::operator()(const torch::Tensor& x, const Factori
 }
 
 torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* noise) {
-    const auto x = fc1_(features, noise ? &noise->hidden : nullptr).relu();
-    const auto out =
-        out_(x, noise ? &noise->out : nullptr).reshape({-1, config_.num_actions, config_.num_atoms});
+    auto x = fc1_(features, noise ? &noise->hidden : nullptr);
+    if (norm_) x = norm_(x);
+    x = x.relu();
+    auto out = out_(x, noise ? &noise->out : nullptr).reshape({-1, choices_, config_.num_atoms});
+    if (combine_.defined()) out = combine_.matmul(out);
     if (!config_.dueling) return out;
     const auto value = value_(x, noise ? &noise->value : nullptr).unsqueeze(1);
     return dueling_values(value, out);
@@ -66,7 +96,7 @@ QNoise QHeadImpl::draw_noise(at::Generator generator, std::int64_t rows) const {
     };
     const auto shared = normal(config_.hidden_units);
     return {{normal(in_), normal(config_.hidden_units)},
-            {shared, normal(config_.num_actions * config_.num_atoms)},
+            {shared, normal(choices_ * config_.num_atoms)},
             {shared, normal(config_.num_atoms)}};
 }
 

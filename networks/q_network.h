@@ -8,6 +8,7 @@
 
 #include <ATen/core/Generator.h>
 #include <torch/nn/module.h>
+#include <torch/nn/modules/normalization.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
@@ -25,6 +26,10 @@ struct QHeadConfig {
     bool noisy = false;               // noisy layers instead of dense ones
     double initial_sigma = 0.1;       // of noisy layers
     double value_limit = 10;  // the atoms of a distribution are returns from -value_limit to value_limit
+    /// Discrete::factors: an action's output is then the mean of its choices' outputs, one for each set.
+    std::vector<std::int64_t> factors = {};
+    bool layer_norm = false;    // before the hidden layer's activation
+    bool zero_outputs = false;  // the last layers, unless noisy, start at zero
 };
 
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
@@ -41,8 +46,13 @@ NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& enc
 /// (Wang et al. 2016, equation 9).
 torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages);
 
+/// Returns the matrix [A, sum of factors] that makes the outputs of actions from those of their choices: the
+/// mean over the sets (Seyde et al. 2023, "Solving Continuous Control via Q-learning", equation 2).
+torch::Tensor factor_means(const std::vector<std::int64_t>& factors);
+
 /// fc1 with ReLU, then `out` [A x atoms], or `adv` [A x atoms] and `value` [atoms] where dueling:
-/// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy.
+/// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy. With factors, `out` or
+/// `adv` has an output for every choice instead of every action.
 class QHeadImpl : public torch::nn::Module {
   public:
     /// Throws std::invalid_argument for fewer than one action, unit or atom.
@@ -63,11 +73,15 @@ class QHeadImpl : public torch::nn::Module {
         NoisyDense noisy{nullptr};
         torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise) const;
     };
-    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
+    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, const Initialiser& initialise,
+                    at::Generator generator);
 
     QHeadConfig config_;
     std::int64_t in_;
+    std::int64_t choices_;   // outputs of the last layer, each of num_atoms
+    torch::Tensor combine_;  // factor_means(), a buffer; undefined without factors
     Layer fc1_, out_, value_;
+    torch::nn::LayerNorm norm_{nullptr};  // ln1, where layer_norm
 };
 using QHead = torch::nn::ModuleHolder<QHeadImpl>;
 

@@ -98,8 +98,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
             const auto actions = chosen.actions.contiguous();
             if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
             if (env.actions().empty()) {
-                const float* a = actions.const_data_ptr<float>();
-                scene.action = ContinuousAction{a[0], a[1], a[2]};
+                scene.action = chosen_stick(plan.env.joystick, actions, 0);
             } else {
                 result = env.step(actions.const_data_ptr<std::int64_t>()[0], frame);
             }

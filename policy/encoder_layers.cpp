@@ -54,9 +54,20 @@ Layers impala() {
     return layers;
 }
 
-Layers mlp() {
+Layers compact() {
+    Layers layers;
+    for (const auto& [name, stride] : {std::pair{"conv1", 2}, {"conv2", 2}, {"conv3", 2}, {"conv4", 1}}) {
+        layers.push_back(Layer::conv(name, 32, 3, stride, Padding::valid));
+        layers.push_back(relu());
+    }
+    layers.push_back(Layer::of(Layer::Kind::flatten));
+    return layers;
+}
+
+Layers mlp(bool layer_norm) {
     constexpr std::int64_t units = 256;
-    return chain({Layers{Layer::of(Layer::Kind::flatten)}, hidden_layers(2, units, Layer::Kind::relu)});
+    return chain(
+        {Layers{Layer::of(Layer::Kind::flatten)}, hidden_layers(2, units, Layer::Kind::relu, layer_norm)});
 }
 
 Layers tanh_branch(const std::string& name) {
@@ -70,10 +81,11 @@ Layers relu_branch(const std::string& name, bool layer_norm) {
     return layers;
 }
 
-Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation) {
+Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm) {
     Layers layers;
     for (std::int64_t i = 1; i <= count; ++i) {
         layers.push_back(Layer::dense("fc" + std::to_string(i), units));
+        if (layer_norm) layers.push_back(Layer::layer_norm("ln" + std::to_string(i)));
         layers.push_back(Layer::of(activation));
     }
     return layers;

@@ -2,6 +2,7 @@
 //   phi_sac  Yarats et al. 2021, "Improving Sample Efficiency in Model-Free RL from Images",
 //            with padded convolutions as in Farebrother & Castro 2024 (CALE)
 //   phi_dqn  Mnih et al. 2015, "Human-level control through deep reinforcement learning"
+//   compact  Fujimoto et al. 2025, "Towards General-Purpose Model-Free RL" (MR.Q), appendix B, with ReLU
 //   impala   Espeholt et al. 2018, "IMPALA", figure 3 right, without the LSTM
 #pragma once
 
@@ -19,17 +20,21 @@ Layers phi_dqn(Padding padding = Padding::same, bool rows = false);
 /// 16, 32 and 32 channels: stage1_conv (3x3), max pool 3x3/2 and two residual blocks stage1_block1_conv1,
 /// ...; then ReLU; flattened. Always padded: a residual block adds what enters it to what leaves it.
 Layers impala();
+/// conv1 to conv4: 32@3x3/2, 32@3x3/2, 32@3x3/2, 32@3x3/1, ReLU, not padded; flattened: 1,568 numbers of an
+/// 84x84 frame.
+Layers compact();
 /// fc1, fc2: two dense layers of 256 units, each with ReLU, on the flattened observation. For observations
 /// that are no images, such as the console's 128 bytes of RAM: the size of Stable-Baselines3's networks for
-/// state vectors. 84x84 frames work too.
-Layers mlp();
+/// state vectors. 84x84 frames work too. `layer_norm`: before each ReLU.
+Layers mlp(bool layer_norm = false);
 
 /// What follows phi_sac on a branch of CALE's agents: `name`_fc (50 units), `name`_ln, tanh.
 Layers tanh_branch(const std::string& name);
 /// What follows the other encoders: `name`_fc (512 units), `name`_ln where `layer_norm`, ReLU.
 Layers relu_branch(const std::string& name, bool layer_norm);
 
-/// fc1, fc2, ... of `units` each, each with its activation: Layer::Kind::relu or tanh.
-Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation);
+/// fc1, fc2, ... of `units` each, each with its activation, Layer::Kind::relu or tanh, and ln1, ln2, ...
+/// before those where `layer_norm`.
+Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm = false);
 
 }  // namespace cale

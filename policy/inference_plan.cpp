@@ -202,8 +202,8 @@ void InferencePlan::finish(float* memory) const {
             std::copy_n(numbers, count(output_), output);
             break;
         case Head::Kind::gaussian:
-            std::copy_n(numbers, kStickSize, output);
-            std::copy_n(weights_.data() + log_std_, kStickSize, output + kStickSize);
+            std::copy_n(numbers, head.axes, output);
+            std::copy_n(weights_.data() + log_std_, head.axes, output + head.axes);
             break;
         case Head::Kind::categorical:
             std::copy_n(numbers, actions, output);

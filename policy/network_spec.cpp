@@ -169,9 +169,9 @@ std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs) {
     };
     switch (head.kind) {
         case Head::Kind::squashed_gaussian:
-            return {dense("actor.out", 2 * kStickSize)};
+            return {dense("actor.out", 2 * head.axes)};
         case Head::Kind::gaussian:
-            return {dense("actor.mean", kStickSize)};
+            return {dense("actor.mean", head.axes)};
         case Head::Kind::categorical:
             return {dense("actor.out", head.num_actions)};
         case Head::Kind::values:
@@ -199,12 +199,13 @@ std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network) {
     const auto layers = sized_layers(network);
     for (const auto& layer : layers) add(layer);
     for (const auto& layer : head_layers(network.head, layers.back().out.channels)) add(layer);
-    if (network.head.kind == Head::Kind::gaussian) parameters.push_back({"actor.log_std", {kStickSize}});
+    if (network.head.kind == Head::Kind::gaussian)
+        parameters.push_back({"actor.log_std", {network.head.axes}});
     return parameters;
 }
 
 std::int64_t output_size(const Head& head) {
-    return head.continuous() ? 2 * kStickSize : head.num_actions;
+    return head.continuous() ? 2 * head.axes : head.num_actions;
 }
 
 }  // namespace cale

@@ -25,7 +25,7 @@ constexpr std::size_t kMostLayers = 1'000;
 constexpr std::size_t kLongestName = 100;
 constexpr std::int64_t kMostStack = 64, kMostPixels = 512, kMostBytes = 65'536;
 constexpr std::int64_t kMostUnits = 65'536, kLargestWindow = 64;
-constexpr std::int64_t kMostActions = 18, kMostAtoms = 10'000;
+constexpr std::int64_t kMostActions = 18, kMostAxes = 4, kMostAtoms = 10'000;
 constexpr double kMostReturn = 1e9;
 constexpr double kMostNumbers = 0x1p26, kMostMultiplications = 0x1p34;
 
@@ -59,11 +59,12 @@ std::string layer_text(const Layer& layer) {
 }
 
 std::string head_text(const Head& head) {
+    const auto axes = head.axes == Head{}.axes ? "" : ' ' + number(head.axes);
     switch (head.kind) {
         case Head::Kind::squashed_gaussian:
-            return "squashed_gaussian";
+            return "squashed_gaussian" + axes;
         case Head::Kind::gaussian:
-            return "gaussian";
+            return "gaussian" + axes;
         case Head::Kind::categorical:
             return "categorical " + number(head.num_actions);
         case Head::Kind::values:
@@ -167,6 +168,7 @@ Head parse_head(EntryReader entry) {
             "is no head: its last entry must be one of squashed_gaussian, gaussian, categorical, "
             "values, dueling_values");
     if (!head.continuous()) head.num_actions = entry.whole(kMostActions);
+    if (head.continuous() && !entry.done()) head.axes = entry.whole(kMostAxes);
     if (head.kind == Head::Kind::values) {
         head.dueling = kind == "dueling_values";
         head.num_atoms = entry.whole(kMostAtoms);

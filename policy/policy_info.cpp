@@ -17,6 +17,11 @@ Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {
 }
 
 Decision decision(const PolicyInfo& info, std::int64_t action) {
+    if (info.joystick == Joystick::factored) {
+        auto factored = decision(info, factored_stick(action));
+        factored.action = action;
+        return factored;
+    }
     return {.action = action, .event = info.actions.at(static_cast<std::size_t>(action))};
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cale/action.h"
+#include "cale/joystick.h"
 
 namespace cale {
 
@@ -20,8 +21,10 @@ struct PolicyInfo {
     std::string encoder;       // agent.encoder, such as "phi_sac"; empty where the agent has no such setting
     std::string action_space;  // "continuous", "minimal" or "full", as env.action_space
 
-    /// What action number i presses; empty: the continuous joystick.
+    /// What action number i presses; empty: an action is a vector of coordinates of the joystick.
     std::vector<Event> actions;
+    /// Of the continuous joystick: the coordinates that the network chooses.
+    Joystick joystick = Joystick::polar;
     /// How a continuous action becomes a joystick event (joystick_event).
     double threshold = 0.5;
     EventMap event_map = EventMap::symmetric;  // see EventMap
@@ -47,7 +50,7 @@ struct PolicyInfo {
     /// whole configuration as YAML).
     std::map<std::string, std::string> provenance;
 
-    /// Actions to choose from; 0: the continuous joystick.
+    /// Actions to choose from; 0: the joystick's coordinates.
     std::int64_t num_actions() const { return static_cast<std::int64_t>(actions.size()); }
     /// Bytes of an observation.
     std::size_t observation_size() const {
@@ -67,7 +70,7 @@ enum class Choice { greedy, sampled, as_evaluated };
 /// One decision, and the joystick event that it stands for.
 struct Decision {
     ContinuousAction stick{};   // of the continuous joystick
-    std::int64_t action = -1;   // number among PolicyInfo::actions; -1: the continuous joystick
+    std::int64_t action = -1;   // number among PolicyInfo::actions; -1: coordinates
     Event event = Event::noop;  // to press
     float strength = 1;         // how far a paddle moves, 0 to 1
 };

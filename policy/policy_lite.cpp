@@ -11,17 +11,23 @@
 namespace cale::lite {
 namespace {
 
+constexpr std::size_t kMostCoordinates = 4;
+using Coordinates = std::array<float, kMostCoordinates>;  // as many as the policy's joystick has
+
 /// The joystick at x, each coordinate from -1 to 1.
-ContinuousAction in_box(const std::array<float, 3>& x) {
-    const auto at = [&](std::size_t i) {
-        return static_cast<float>(kStick[i].centre) + static_cast<float>(kStick[i].half_width) * x[i];
-    };
-    return {at(0), at(1), at(2)};
+Decision in_box(const PolicyInfo& info, Coordinates x) {
+    const auto box = stick_coordinates(info.joystick);
+    for (std::size_t i = 0; i < box.size(); ++i) {
+        const auto& [name, low, high] = box[i];
+        x[i] = (low + high) / 2 + (high - low) / 2 * x[i];
+    }
+    return decision(info, stick(info.joystick, std::span(x).first(box.size())));
 }
 
 /// The joystick for u, each coordinate any number.
-ContinuousAction squashed(const std::array<float, 3>& u) {
-    return in_box({std::tanh(u[0]), std::tanh(u[1]), std::tanh(u[2])});
+Decision squashed(const PolicyInfo& info, Coordinates u) {
+    for (float& coordinate : u) coordinate = std::tanh(coordinate);
+    return in_box(info, u);
 }
 
 float uniform(std::mt19937_64& random) {
@@ -29,17 +35,21 @@ float uniform(std::mt19937_64& random) {
 }
 
 Decision greedy(const PolicyInfo& info, std::span<const float> output) {
-    if (info.actions.empty()) return decision(info, squashed({output[0], output[1], output[2]}));
+    if (info.actions.empty()) {
+        Coordinates mean{};
+        std::copy_n(output.begin(), output.size() / 2, mean.begin());
+        return squashed(info, mean);
+    }
     return decision(info, std::max_element(output.begin(), output.end()) - output.begin());
 }
 
 Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt19937_64& random) {
     if (info.actions.empty()) {
         std::normal_distribution<float> normal;
-        std::array<float, 3> u{};
-        for (std::size_t i = 0; i < u.size(); ++i)
-            u[i] = output[i] + std::exp(output[3 + i]) * normal(random);
-        return decision(info, squashed(u));
+        const auto size = output.size() / 2;
+        Coordinates u{};
+        for (std::size_t i = 0; i < size; ++i) u[i] = output[i] + std::exp(output[size + i]) * normal(random);
+        return squashed(info, u);
     }
     double left = uniform(random);
     std::int64_t action = 0;
@@ -52,9 +62,10 @@ Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt1
 
 Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
     if (info.actions.empty()) {
-        std::array<float, 3> x{};
-        for (float& coordinate : x) coordinate = 2 * uniform(random) - 1;
-        return decision(info, in_box(x));
+        Coordinates x{};
+        for (std::size_t i = 0; i < stick_coordinates(info.joystick).size(); ++i)
+            x[i] = 2 * uniform(random) - 1;
+        return in_box(info, x);
     }
     return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
 }

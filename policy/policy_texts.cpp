@@ -85,6 +85,7 @@ void describe(Info& info, Visit&& visit) {
     visit("encoder", info.encoder);
     visit("action_space", info.action_space);
     visit("actions", info.actions);
+    visit("joystick", info.joystick);
     visit("threshold", info.threshold);
     visit("event_map", info.event_map);
     visit("paddle_radius", info.radius_is_strength);
@@ -102,6 +103,9 @@ struct Writer {
     void operator()(const char* key, bool value) const { texts[key] = value ? "true" : "false"; }
     void operator()(const char* key, double value) const { texts[key] = number_text(value); }
     void operator()(const char* key, std::int64_t value) const { texts[key] = std::to_string(value); }
+    void operator()(const char* key, Joystick value) const {
+        if (value != Joystick::polar) texts[key] = names_of(value)[static_cast<std::size_t>(value)];
+    }
     void operator()(const char* key, EventMap value) const {
         texts[key] = names_of(value)[static_cast<std::size_t>(value)];
     }
@@ -123,6 +127,13 @@ struct Reader {
     void operator()(const char* key, double& value) const { value = take_real(texts, key, 0, 1); }
     // The frames per decision.
     void operator()(const char* key, std::int64_t& value) const { value = take_whole(texts, key, 1, 64); }
+    // Is missing from the files of polar policies, which are older than it.
+    void operator()(const char* key, Joystick& value) const {
+        if (!texts.contains(key)) return;
+        const auto names = names_of(value).subspan(1);
+        const auto found = std::ranges::find(names, take_choice(texts, key, names));
+        value = static_cast<Joystick>(1 + found - names.begin());
+    }
     void operator()(const char* key, EventMap& value) const {
         const auto names = names_of(value);
         const auto found = std::ranges::find(names, take_choice(texts, key, names));
@@ -135,13 +146,20 @@ void check_actions(const PolicyInfo& info, const Head& head) {
     const auto& space = info.action_space;
     if (space != "continuous" && space != "minimal" && space != "full")
         refuse("action_space", space, "one of continuous, minimal, full");
-    const bool continuous = space == "continuous";
-    if (continuous != head.continuous())
+    const bool continuous = space == "continuous", factored = info.joystick == Joystick::factored;
+    if (!continuous && info.joystick != Joystick::polar)
+        throw FileDamage({"the action space '", space, "' has no coordinates of a joystick"});
+    const bool coordinates = continuous && !factored;
+    if (coordinates != head.continuous())
         throw FileDamage({"its network's head does not act on the action space '", space, "'"});
-    if (continuous != info.actions.empty()) {
+    if (coordinates && head.axes != std::ssize(stick_coordinates(info.joystick)))
+        throw FileDamage("its network's head has another number of coordinates than its joystick");
+    if (coordinates != info.actions.empty()) {
         throw FileDamage({"the action space '", space, "' ",
-                          (continuous ? "has no list of actions" : "needs a list of actions")});
+                          (coordinates ? "has no list of actions" : "needs a list of actions")});
     }
+    if (factored && !std::ranges::equal(info.actions, factored_events()))
+        throw FileDamage("its list of actions is not that of the factored joystick");
     if (head.num_actions != info.num_actions())
         throw FileDamage("its network's head has another number of actions than are listed");
 }

@@ -53,7 +53,7 @@ NetworkSpec take_network_of_version_1(Texts& texts) {
     const auto atoms = take_whole(texts, "num_atoms", 1, 10'000);
     const auto limit = take_real(texts, "value_limit", 0, 1e9);
     const bool values = head.kind == Head::Kind::values;
-    if (values) head = {head.kind, 0, dueling, atoms, limit};
+    if (values) head = {.kind = head.kind, .dueling = dueling, .num_atoms = atoms, .value_limit = limit};
     network.layers =
         chain({prefixed("encoder.", chain({trunk(encoder, rows, padding), branch(behind, encoder)})),
                prefixed(values ? "head." : "actor.", hidden_layers(count, units, activation))});

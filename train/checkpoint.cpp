@@ -50,6 +50,7 @@ std::string to_json(const RunState& state) {
                           {"frame", state.frame},
                           {"episodes", state.episodes},
                           {"joystick_events", state.joystick_events},
+                          {"reported_events", state.reported_events},
                           {"seconds", state.seconds},
                           {"recent_returns", state.recent_returns},
                           {"episodes_offset", state.episodes_offset},
@@ -83,6 +84,8 @@ RunState from_json(const std::string& text) {
                 .frame = count(json, "frame"),
                 .episodes = count(json, "episodes"),
                 .joystick_events = event_counts(json.at("joystick_events")),
+                // Older checkpoints lack them: the next row counts from the start.
+                .reported_events = event_counts(json.value("reported_events", nlohmann::json(EventCounts{}))),
                 .seconds = json.at("seconds"),
                 .recent_returns = json.at("recent_returns"),
                 .episodes_offset = count(json, "episodes_offset"),

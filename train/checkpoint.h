@@ -53,6 +53,7 @@ struct RunState {
     std::int64_t frame = 0;  // emulated frames, over all environments
     std::int64_t episodes = 0;
     EventCounts joystick_events{};            // in training, over all environments
+    EventCounts reported_events{};            // of those, up to the newest row of progress.csv
     double seconds = 0;                       // spent training, over all sessions
     std::vector<double> recent_returns{};     // of the last 100 episodes, oldest first
     std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far

@@ -4,6 +4,8 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <functional>
+#include <ranges>
 
 #include <fmt/format.h>
 
@@ -270,6 +272,11 @@ void Recorder::write_row(bool to_tensorboard) {
     for (const auto& [name, part] : TimeSplit::kParts)
         if (time.total() > 0) metrics[fmt::format("time/{}", name)] = time.*part / time.total();
     time = {};
+    if (std::ranges::any_of(state_.joystick_events | std::views::drop(1), std::identity())) {
+        for (const auto& [zone, share] : zone_shares(state_.reported_events, state_.joystick_events))
+            metrics["zones/" + zone] = share;
+    }
+    state_.reported_events = state_.joystick_events;
     files_->shown.clear();
     for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
         const auto found = metrics.find(tag);

@@ -18,7 +18,10 @@ PolicyInfo policy_info(const EnvConfig& env) {
     if (env.action_space != ActionSet::continuous) {
         const Env game(env, /*seed=*/0);
         info.actions.assign(game.actions().begin(), game.actions().end());
+    } else if (env.joystick == Joystick::factored) {
+        info.actions.assign(factored_events().begin(), factored_events().end());
     }
+    if (env.action_space == ActionSet::continuous) info.joystick = env.joystick;
     info.threshold = env.threshold;
     info.event_map = env.event_map;
     info.radius_is_strength = env.paddle_strength == PaddleStrength::radius;
@@ -44,11 +47,16 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
         return evaluate(decide, plan);
     };
     const auto facts = [env](const ActionSpace& actions) {
+        const auto coordinates =
+            env.joystick == Joystick::polar
+                ? std::string()
+                : fmt::format(" ({})", names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]);
         return std::vector<std::pair<std::string, std::string>>{
             {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
                                      env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
-            {"actions", num_actions(actions) > 0 ? fmt::format("{} joystick events", num_actions(actions))
-                                                 : fmt::format("continuous, threshold {}", env.threshold)}};
+            {"actions", env.action_space == ActionSet::continuous
+                            ? fmt::format("continuous{}, threshold {}", coordinates, env.threshold)
+                            : fmt::format("{} joystick events", num_actions(actions))}};
     };
     return {.id = fmt::format("ALE/{}-v5", game.name),
             .name = std::string(game.name),

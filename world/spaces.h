@@ -12,6 +12,9 @@ namespace cale {
 /// `n` actions, numbered from 0.
 struct Discrete {
     std::int64_t n = 0;  // at least 1
+    /// Where an action is one choice out of each of several sets, the sizes of the sets: their product is n,
+    /// and the last choice varies fastest. Empty: an action has no parts.
+    std::vector<std::int64_t> factors = {};
     bool operator==(const Discrete&) const = default;
 };
 
@@ -19,6 +22,9 @@ struct Discrete {
 struct Box {
     std::vector<float> low, high;         // of one size
     std::vector<std::string> names = {};  // of the coordinates, for logs; empty: axis_0, axis_1, ...
+    /// One action for each event that the world tells apart, coordinate by coordinate: random play may choose among
+    /// them. Empty: there are none.
+    std::vector<float> landmarks = {};
     /// Returns the number of coordinates.
     std::int64_t size() const { return static_cast<std::int64_t>(low.size()); }
     bool operator==(const Box&) const = default;

@@ -177,7 +177,7 @@ class Writer {
             // The same deviations for every observation.
             const auto mean = graph_.now;
             graph_.add("Mul", {mean, graph_.constant("zero", {}, {0})});
-            graph_.add("Add", {graph_.now, parameter("actor.log_std", {kStickSize})});
+            graph_.add("Add", {graph_.now, parameter("actor.log_std", {head.axes})});
             set(graph_.add("Concat", {mean, graph_.now}), "axis", std::int64_t{1});
         }
         if (head.kind == Head::Kind::categorical) set(graph_.add("LogSoftmax"), "axis", std::int64_t{1});
@@ -214,23 +214,24 @@ class Writer {
     }
 
     void add_action() {
-        if (!policy_.network.head.continuous()) {
+        const auto& head = policy_.network.head;
+        if (!head.continuous()) {
             auto& node = graph_.add("ArgMax");
             set(node, "axis", std::int64_t{1});
             set(node, "keepdims", std::int64_t{0});
             return;
         }
         std::vector<float> centre, half_width;
-        for (const auto& axis : kStick) {
-            centre.push_back(static_cast<float>(axis.centre));
-            half_width.push_back(static_cast<float>(axis.half_width));
+        for (const auto& [name, low, high] : stick_coordinates(policy_.info.joystick)) {
+            centre.push_back((low + high) / 2);
+            half_width.push_back((high - low) / 2);
         }
         graph_.add("Slice",
                    {graph_.now, graph_.constant("first", Ints{0}),
-                    graph_.constant("end_of_means", Ints{kStickSize}), graph_.constant("axis", Ints{1})});
+                    graph_.constant("end_of_means", Ints{head.axes}), graph_.constant("axis", Ints{1})});
         graph_.add("Tanh");
-        graph_.add("Mul", {graph_.now, graph_.constant("half_width", {kStickSize}, half_width)});
-        graph_.add("Add", {graph_.now, graph_.constant("centre", {kStickSize}, centre)});
+        graph_.add("Mul", {graph_.now, graph_.constant("half_width", {head.axes}, half_width)});
+        graph_.add("Add", {graph_.now, graph_.constant("centre", {head.axes}, centre)});
     }
 
     const PolicyFile& policy_;
@@ -259,7 +260,7 @@ std::string onnx_model(const PolicyFile& policy) {
     graph.set_name("policy");
     describe(*graph.add_input(), "observation", kUint8, network.observation);
     if (network.head.continuous()) {
-        describe(*graph.add_output(), "action", kFloat, {kStickSize});
+        describe(*graph.add_output(), "action", kFloat, {network.head.axes});
     } else {
         describe(*graph.add_output(), "action", kInt64, {});
     }

@@ -55,7 +55,7 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
     }
     owner_.to(device);
     if (head_.kind == Head::Kind::gaussian)
-        log_std_ = tensor_of(weights.at("actor.log_std"), {kStickSize}).to(device);
+        log_std_ = tensor_of(weights.at("actor.log_std"), {head_.axes}).to(device);
     if (head_.num_atoms > 1) {
         support_ = torch::linspace(-head_.value_limit, head_.value_limit, head_.num_atoms, torch::kFloat32)
                        .to(device);

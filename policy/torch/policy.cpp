@@ -19,8 +19,8 @@ namespace {
 /// CUDA multiplies in TF32 where it may.
 constexpr double kCudaGoldenTolerance = 1e-2;
 
-ActionBox joystick_box_on(torch::Device device) {
-    auto box = joystick_box();
+ActionBox box_on(torch::Device device, Joystick joystick) {
+    auto box = action_box(joystick_space(joystick));
     box.centre = box.centre.to(device);
     box.half_width = box.half_width.to(device);
     return box;
@@ -46,7 +46,7 @@ struct Policy::Impl {
           observation(file.network.observation),
           device(device_),
           network(file.network, file.weights, device),
-          box(joystick_box_on(device)) {}
+          box(box_on(device, file.info.joystick)) {}
 
     torch::Tensor output(const torch::Tensor& observations) const {
         return network.output(observations.to(device));
@@ -59,7 +59,7 @@ struct Policy::Impl {
 
     torch::Tensor sampled(const torch::Tensor& output, at::Generator& random) const {
         if (!info.actions.empty()) return output.exp().cpu().multinomial(1, true, random).squeeze(1);
-        const auto noise = torch::randn({output.size(0), kStickSize}, random).to(device);
+        const auto noise = torch::randn({output.size(0), output.size(1) / 2}, random).to(device);
         return sample(squashed_gaussian(output), noise, box).action.cpu();
     }
 
@@ -73,7 +73,7 @@ struct Policy::Impl {
         }
         const auto chosen = torch::rand({count, 1}, random) <= info.epsilon;
         const auto uniform =
-            box.centre.cpu() + box.half_width.cpu() * (2 * torch::rand({count, kStickSize}, random) - 1);
+            box.centre.cpu() + box.half_width.cpu() * (2 * torch::rand(actions.sizes(), random) - 1);
         return torch::where(chosen, uniform, actions);
     }
 
@@ -139,12 +139,12 @@ torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::
 
 namespace {
 
-/// One action [1, 3] or [1] as a decision.
+/// One action [1, coordinates] or [1] as a decision.
 Decision decision_of(const PolicyInfo& info, const torch::Tensor& action) {
     if (!info.actions.empty()) return decision(info, action.item<std::int64_t>());
-    const auto stick = action.contiguous();
-    const float* const numbers = stick.const_data_ptr<float>();
-    return decision(info, ContinuousAction{numbers[0], numbers[1], numbers[2]});
+    const auto row = action.contiguous();
+    const std::span coordinates(row.const_data_ptr<float>(), static_cast<std::size_t>(row.numel()));
+    return decision(info, stick(info.joystick, coordinates));
 }
 
 }  // namespace

@@ -35,7 +35,8 @@ class Policy {
     torch::Device device() const;    // where the network is
 
     /// The greedy actions for observations [N, stack, frame_height, frame_width] uint8 ([N, stack, bytes]
-    /// where they are no frames) of any device: [N, 3] float32 (r, theta, fire), or [N] int64; on the CPU.
+    /// where they are no frames) of any device: [N, 3] float32 (r, theta, fire), [N, coordinates] of another
+    /// info().joystick (stick() leads to (r, theta, fire)), or [N] int64; on the CPU.
     /// Throws std::invalid_argument, naming both shapes, for anything else.
     torch::Tensor act(const torch::Tensor& observations) const;
     /// The same by `choice`, with the caller's generator (a CPU one). The draws are those of the agent's own

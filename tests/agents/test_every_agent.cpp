@@ -15,6 +15,7 @@
 #include <torch/types.h>
 
 #include "agent_worlds.h"
+#include "cale/joystick.h"
 #include "replay/replay_buffer.h"
 #include "replay/replay_snapshot.h"
 #include "support/temporary_folder.h"
@@ -41,7 +42,10 @@ struct Kind {
     std::function<std::unique_ptr<Agent>(const Settings&, const AgentSpec&)> make;
 
     AgentSpec world(std::int64_t num_envs = 1, std::uint64_t seed = 1) const {
-        return num_actions == 0 ? joystick_world(num_envs, seed) : discrete_world(num_envs, seed);
+        if (num_actions == 0) return joystick_world(num_envs, seed);
+        auto spec = discrete_world(num_envs, seed);
+        spec.action_space = Discrete{num_actions};
+        return spec;
     }
 };
 
@@ -86,6 +90,45 @@ Kind sacd() {
     return kind("Sacd", kNumActions, make_sacd, config, kSacLosses);
 }
 
+/// SAC with everything that the paper's has not.
+Kind sac_plus() {
+    return {"SacPlus", 0, kSacLosses, [](const Settings& settings, AgentSpec spec) {
+                auto config = small_sac();
+                config.network.hidden_units = settings.hidden_units;
+                config.network.layer_norm = true;
+                config.replay = settings.replay;
+                config.replay.normalise_rewards = true;
+                config.replay.random_shift = 2;
+                config.exploration = Exploration::epsilon_greedy;
+                config.random_actions = RandomActions::events;
+                config.epsilon = settings.epsilon;
+                config.actor_period = settings.actor_period;
+                config.weight_decay = 0.1;
+                config.initial_alpha = 0.01;
+                config.alpha_learning_rate = 1e-3;
+                config.entropy_in_target = false;
+                config.twin_estimate = TwinEstimate::mean;
+                config.act_with_target = true;
+                spec.action_space = joystick_space(Joystick::polar);
+                return make_sac(config, spec);
+            }};
+}
+
+/// A critic with one head for each axis of the joystick and one for the button.
+Kind der_factored() {
+    return {"DerFactored", 18, {"cross_entropy", "q_values"}, [](const Settings& settings, AgentSpec spec) {
+                auto config = small_der();
+                config.hidden_units = settings.hidden_units;
+                config.layer_norm = true;
+                config.replay = settings.replay;
+                config.replay.random_shift = 2;
+                config.epsilon = settings.epsilon;
+                config.weight_decay = 0.1;
+                spec.action_space = joystick_space(Joystick::factored);
+                return make_der(config, spec);
+            }};
+}
+
 Kind dqn() {
     return kind("Dqn", kNumActions, make_dqn, small_dqn(), {"td_loss", "q_values"});
 }
@@ -109,7 +152,14 @@ Kind ppo(const std::string& name, std::int64_t num_actions) {
 // Every agent -------------------------------------------------------------------------
 
 std::vector<Kind> every_agent() {
-    return {sac(), dqn(), der(), sacd(), ppo("PpoWithTheJoystick", 0), ppo("PpoWithActions", kNumActions)};
+    return {sac(),
+            sac_plus(),
+            dqn(),
+            der(),
+            der_factored(),
+            sacd(),
+            ppo("PpoWithTheJoystick", 0),
+            ppo("PpoWithActions", kNumActions)};
 }
 
 class EveryAgent : public testing::TestWithParam<Kind> {
@@ -383,6 +433,30 @@ TEST_P(ReplayAgent, ClipsRewardsWhenItStoresThem) {
     EXPECT_TRUE(
         torch::equal(stored_by(std::nullopt), torch::tensor({-2.f, -1.f, 0.f, 1.f, 2.f, -2.f, -1.f})));
     EXPECT_TRUE(torch::equal(stored_by(1.5), torch::tensor({-1.5f, -1.f, 0.f, 1.f, 1.5f, -1.5f, -1.f})));
+}
+
+// Fujimoto et al. 2025 (MR.Q): by the mean of |r| so far, of the rewards as they are stored.
+TEST_P(ReplayAgent, NormalisesRewardsByTheirMeanMagnitude) {
+    Settings settings;
+    settings.replay.normalise_rewards = true;
+    settings.replay.reward_clip = 1.5;
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 10);
+    const auto magnitude = agent->state().at("reward_magnitude");
+    EXPECT_TRUE(torch::equal(magnitude, torch::tensor({2 * (1.5 + 1 + 0 + 1 + 1.5), 10.0}, torch::kFloat64)));
+    // What is stored stays as it came.
+    EXPECT_FLOAT_EQ(memory_of(*agent).n_step_return[0].item<float>(), -1.5F);
+    EXPECT_FALSE(make(spec, {})->state().contains("reward_magnitude"));
+}
+
+TEST_P(ReplayAgent, RefusesToShiftWhatIsNoImage) {
+    Settings settings;
+    settings.replay.random_shift = 4;
+    auto spec = world();
+    spec.observation.shape = {128};
+    EXPECT_THAT([&] { make(spec, settings); }, ThrowsMessage<std::invalid_argument>(AllOf(
+                                                   HasSubstr("agent.random_shift"), HasSubstr("env.obs"))));
 }
 
 TEST_P(ReplayAgent, KeepsWhatItSaw) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -12,6 +13,7 @@
 
 #include "agent_worlds.h"
 #include "agents/random.h"
+#include "cale/joystick.h"
 #include "expect_refused.h"
 
 namespace cale {
@@ -90,6 +92,40 @@ TEST(SacLosses, NothingFollowsWhereTheDiscountIsZero) {
                 1e-12);
 }
 
+TEST(SacLosses, TheTargetMayLeaveTheEntropyOut) {
+    const torch::NoGradGuard no_grad;
+    Problem p;
+    p.config.critic_target = CriticTarget::sampled_action;
+    const auto with = p.losses().target_values;
+    const auto next = sample(p.network->policy(p.network->encoder->trunk(p.batch.next_observation)),
+                             p.noise.target, p.network->box);
+    p.config.entropy_in_target = false;
+    const auto without = p.losses();
+    const auto bonus = -std::exp(0.3) * next.log_prob * p.batch.discount.to(torch::kFloat64);
+    EXPECT_TRUE(torch::allclose(without.target_values, with - bonus));
+    // The actor's own loss keeps it.
+    p.config.entropy_in_target = true;
+    EXPECT_TRUE(torch::equal(without.actor, p.losses().actor));
+}
+
+TEST(SacLosses, TheTwinsMayBeAveraged) {
+    const torch::NoGradGuard no_grad;
+    Problem p;
+    p.config.twin_estimate = TwinEstimate::mean;
+    const auto z = p.target->encoder->critic_branch(p.target->encoder->trunk(p.batch.next_observation));
+    const auto next = p.target->policy(p.target->encoder->trunk(p.batch.next_observation));
+    const auto q = p.target->values(z, mean_action(next, p.target->box));
+    const auto soft = sample(next, p.noise.target, p.target->box).log_prob * std::exp(0.3);
+    const auto expected = 0.1 * p.batch.n_step_return.to(torch::kFloat64) +
+                          p.batch.discount.to(torch::kFloat64) * ((q.q1 + q.q2) / 2 - soft);
+    const auto losses = p.losses();
+    EXPECT_TRUE(torch::allclose(losses.target_values, expected));
+    // Of a constant critic the actor's loss is the entropy's part and the mean of the twins.
+    p.config.twin_estimate = TwinEstimate::minimum;
+    EXPECT_TRUE((losses.target_values >= p.losses().target_values).all().item<bool>());
+    EXPECT_LT(losses.actor.item<double>(), p.losses().actor.item<double>());
+}
+
 TEST(SacUpdate, EachLossTrainsItsOwnParameters) {
     Problem p;
     ActorCriticState<SacNetwork> learner(p.network, p.target, p.log_alpha, {});
@@ -166,6 +202,67 @@ TEST(Sac, LogsAlphaItself) {
     const auto log_alpha = agent->state().at("log_alpha").item<float>();
     EXPECT_NE(log_alpha, 0);
     EXPECT_FLOAT_EQ(static_cast<float>(agent->metrics().at("losses/alpha")), std::exp(log_alpha));
+}
+
+// Options -----------------------------------------------------------------------------
+
+TEST(Sac, AlphaStartsAndLearnsAsItIsTold) {
+    const auto spec = joystick_world();
+    auto config = small_sac();
+    config.initial_alpha = 0.01;
+    config.alpha_learning_rate = 0;
+    const auto fixed = make_sac(config, spec);
+    drive(*fixed, spec, 0, 30);
+    EXPECT_FLOAT_EQ(fixed->state().at("log_alpha").item<float>(), std::log(0.01F));
+    // Its first step of Adam is one learning rate long.
+    config.alpha_learning_rate = 0.5;
+    config.adam_epsilon = 1e-8;
+    const auto quick = make_sac(config, spec);
+    for (std::int64_t step = 0; gradient_steps_of(*quick) == 0; ++step) drive(*quick, spec, step, 1);
+    EXPECT_NEAR(std::abs(quick->state().at("log_alpha").item<float>() - std::log(0.01F)), 0.5, 1e-4);
+}
+
+TEST(Sac, RandomActionsMayBeTheWorldsEvents) {
+    auto config = small_sac();
+    config.random_actions = RandomActions::events;
+    auto spec = joystick_world(1000);
+    EXPECT_THAT([&] { make_sac(config, spec); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("agent.random_actions")));
+    spec.action_space = joystick_space(Joystick::cartesian);
+    const auto actions = make_sac(config, spec)->act(noise_frames(1000, 1), ActMode::train);
+    std::map<Event, int> events;
+    for (std::int64_t i = 0; i < 1000; ++i) {
+        const auto* const action = actions.const_data_ptr<float>() + 3 * i;
+        ++events[joystick_event(stick(Joystick::cartesian, {action, 3}), 0.5F)];
+    }
+    EXPECT_EQ(events.size(), 18U);
+    for (const auto& [event, count] : events) EXPECT_NEAR(count, 1000.0 / 18, 30) << event_name(event);
+}
+
+TEST(Sac, ActsWithItsTargetWhereItIsTold) {
+    const auto spec = joystick_world();
+    for (const bool with_target : {false, true}) {
+        auto config = small_sac();
+        config.act_with_target = with_target;
+        const auto agent = make_sac(config, spec);
+        auto state = agent->state();
+        make_constant(state, "network/actor.out", {-1, 0, 0, 0, 0, 0});
+        make_constant(state, "target/actor.out", {1, 0, 0, 0, 0, 0});
+        agent->load_state(state);
+        const auto radius = agent->act(same_frame(1), ActMode::evaluate)[0][0].item<float>();
+        EXPECT_NEAR(radius, 0.5 + 0.5 * std::tanh(with_target ? 1 : -1), 1e-6);
+    }
+}
+
+TEST(Sac, LayerNormStandsBehindEveryDenseLayerButTheLast) {
+    auto config = small_sac();
+    config.network.layer_norm = true;
+    const auto state = make_sac(config, joystick_world())->state();
+    for (const auto* head : {"actor", "critic.q1", "critic.q2"}) {
+        EXPECT_TRUE(state.contains("network/" + std::string(head) + ".ln1.weight")) << head;
+        EXPECT_FALSE(state.contains("network/" + std::string(head) + ".ln2.weight")) << head;
+    }
+    EXPECT_FALSE(make_sac(small_sac(), joystick_world())->state().contains("network/actor.ln1.weight"));
 }
 
 // Learning ----------------------------------------------------------------------------

@@ -225,7 +225,7 @@ TEST(VectorEnvEmulator, ObservesTheMemory) {
     config.obs = cale::Obs::ram;
     VectorEnv ram(config, seeds);
     EXPECT_EQ(ram.observation_space(), (cale::ObservationSpace{.stack = 4, .shape = {128}}));
-    EXPECT_EQ(ram.action_space(), cale::ActionSpace(cale::joystick_space()));
+    EXPECT_EQ(ram.action_space(), cale::joystick_space(cale::Joystick::polar));
     Bytes frames(2 * kFrameSize), final_frames(frames.size()), bytes(2 * 128), final_bytes(bytes.size());
     std::vector<StepResult> with_pixels(2), with_ram(2);
     pixels.reset(frames);

@@ -35,6 +35,21 @@ TEST(Adam, StepsAsWrittenInThePaper) {
     }
 }
 
+// AdamW: the decay is not part of the gradient, so the moments do not see it.
+TEST(Adam, WeightDecayShrinksParametersBesideTheStep) {
+    const auto start = torch::tensor({1.0, -2.0}, torch::kFloat64);
+    auto plain = start.clone().requires_grad_(), decayed = start.clone().requires_grad_();
+    Adam without({plain}, {.learning_rate = 0.1}),
+        with({decayed}, {.learning_rate = 0.1, .weight_decay = 0.5});
+    for (auto* parameter : {&plain, &decayed})
+        set_gradient(*parameter, torch::tensor({0.3, -0.02}, torch::kFloat64));
+    without.step();
+    with.step();
+    EXPECT_TRUE(torch::allclose(decayed.detach(), plain.detach() - 0.1 * 0.5 * start, 0, 1e-12));
+    for (const auto& [name, moment] : without.state())
+        EXPECT_TRUE(torch::equal(moment, with.state().at(name)));
+}
+
 // The fused kernel reads raw memory: a transposed gradient must not be taken as it lies there.
 TEST(Adam, GradientsMayBeLaidOutInAnotherOrder) {
     auto parameter = torch::zeros({2, 3}, torch::kFloat64).requires_grad_();

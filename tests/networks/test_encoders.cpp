@@ -51,6 +51,8 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
         {{.encoder = EncoderKind::phi_dqn}, 11 * 11 * 64, 512},
         {{.encoder = EncoderKind::phi_dqn, .phi_dqn = PhiDqn::row1d}, 84 * 11 * 64, 512},
         {{.encoder = EncoderKind::impala}, 11 * 11 * 32, 512},
+        {{.encoder = EncoderKind::compact}, 1568, 50},
+        {{.encoder = EncoderKind::mlp}, 256, 50},
         {{.encoder = EncoderKind::phi_sac, .observation = {2, 12, 9}}, 6 * 5 * 32, 50},
         {{.encoder = EncoderKind::impala, .observation = {1, 12, 9}}, 2 * 2 * 32, 512},
     };
@@ -65,9 +67,12 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
     }
 }
 
-TEST(Encoder, OnlyPhiSacNormalisesTheActorsBranch) {
-    EXPECT_TRUE(names(*make({.encoder = EncoderKind::phi_sac})).contains("actor_ln.weight"));
+TEST(Encoder, TheActorsBranchIsNormalisedWhereItIsNarrowOrWhereItIsAskedFor) {
+    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::mlp, EncoderKind::compact})
+        EXPECT_TRUE(names(*make({.encoder = kind})).contains("actor_ln.weight"));
     EXPECT_FALSE(names(*make({.encoder = EncoderKind::phi_dqn})).contains("actor_ln.weight"));
+    EXPECT_TRUE(
+        names(*make({.encoder = EncoderKind::phi_dqn, .layer_norm = true})).contains("actor_ln.weight"));
     EXPECT_TRUE(names(*make({.encoder = EncoderKind::phi_dqn})).contains("critic_ln.weight"));
 }
 
@@ -185,7 +190,7 @@ TEST(Encoder, MlpReadsBytesAsWellAsFrames) {
     const auto bytes = torch::randint(0, 256, {3, 4, 128}, generator(5), torch::kUInt8);
     const auto x = of_bytes->trunk(bytes);
     EXPECT_EQ(x.sizes(), (std::vector<std::int64_t>{3, 256}));
-    EXPECT_EQ(of_bytes->actor_branch(x).sizes(), (std::vector<std::int64_t>{3, 512}));
+    EXPECT_EQ(of_bytes->actor_branch(x).sizes(), (std::vector<std::int64_t>{3, 50}));
     EXPECT_EQ(of_bytes->named_parameters()["fc1.weight"].sizes(), (std::vector<std::int64_t>{256, 512}));
     // The same numbers as one image, whose rows are the bytes: flattened in the same order.
     auto of_frames = make({.encoder = EncoderKind::mlp, .observation = {4, 8, 16}});

@@ -10,6 +10,8 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "networks/policy_weights.h"
+
 namespace cale {
 namespace {
 
@@ -166,6 +168,66 @@ TEST(QHead, NeedsAnActionAUnitAndAnAtom) {
     EXPECT_THROW(QHead(5, QHeadConfig{.num_actions = 1, .hidden_units = 0}, generator()),
                  std::invalid_argument);
     EXPECT_THROW(QHead(5, QHeadConfig{.num_actions = 1, .num_atoms = 0}, generator()), std::invalid_argument);
+}
+
+// Seyde et al. 2023, equation 2.
+TEST(QHead, FactoredActionsAreMeansOfTheirChoices) {
+    const torch::NoGradGuard no_grad;
+    QHead head(5, QHeadConfig{.num_actions = 6, .hidden_units = 4, .num_atoms = 2, .factors = {2, 3}},
+               generator());
+    auto parameters = head->named_parameters();
+    EXPECT_EQ(parameters["out.weight"].sizes(), (std::vector<std::int64_t>{(2 + 3) * 2, 4}));
+    for (auto& parameter : parameters) parameter.value().zero_();
+    // The outputs of the five choices, two atoms each.
+    parameters["out.bias"].copy_(
+        torch::tensor({1.0F, -1.0F, 2.0F, -2.0F, 10.0F, 0.0F, 20.0F, 0.0F, 30.0F, 0.0F}));
+    // The last choice varies fastest.
+    const auto expected = torch::tensor(
+        {{5.5F, -0.5F}, {10.5F, -0.5F}, {15.5F, -0.5F}, {6.0F, -1.0F}, {11.0F, -1.0F}, {16.0F, -1.0F}});
+    EXPECT_TRUE(torch::allclose(head(features(1))[0], expected));
+}
+
+TEST(QHead, FactoredDuelingAddsTheSetsToTheValue) {
+    const torch::NoGradGuard no_grad;
+    QHead head(5, QHeadConfig{.num_actions = 18, .hidden_units = 4, .dueling = true, .factors = {3, 3, 2}},
+               generator());
+    auto parameters = head->named_parameters();
+    for (auto& parameter : parameters) parameter.value().zero_();
+    parameters["value.bias"].fill_(7);
+    EXPECT_TRUE(torch::allclose(head(features(1)), torch::full({1, 18, 1}, 7.0F)));
+    parameters["adv.bias"].copy_(torch::tensor({3.0F, 0.0F, -3.0F, 0.0F, 0.0F, 0.0F, 6.0F, -6.0F}));
+    EXPECT_NEAR(head(features(1))[0][0].item<float>(), 7 + 1 + 2, 1e-5);
+    EXPECT_NEAR(head(features(1))[0][17].item<float>(), 7 - 1 - 2, 1e-5);
+}
+
+// So a policy file, policy_lite and ONNX know nothing of factors.
+TEST(QHead, AFactoredHeadIsStoredAsThePlainOneThatGivesTheSame) {
+    const torch::NoGradGuard no_grad;
+    for (const bool dueling : {false, true}) {
+        const EncoderConfig encoder{.encoder = EncoderKind::mlp, .observation = {2, 8}, .layer_norm = true};
+        const QHeadConfig factored{.num_actions = 18,
+                                   .hidden_units = 6,
+                                   .num_atoms = 3,
+                                   .dueling = dueling,
+                                   .factors = {3, 3, 2},
+                                   .layer_norm = true};
+        auto plain = factored;
+        plain.factors.clear();
+        QNetwork from(encoder, factored, generator(1)), to(encoder, plain, generator(2));
+        auto parameters = to->named_parameters();
+        for (const auto& [name, weight] : policy_weights(from->acting, *from)) parameters[name].copy_(weight);
+        const auto observation = torch::randint(0, 256, {5, 2, 8}, generator(3), torch::kUInt8);
+        EXPECT_TRUE(torch::allclose(from(observation), to(observation), 1e-5, 1e-5));
+    }
+}
+
+TEST(QHead, LayerNormStandsBeforeTheRectifier) {
+    const torch::NoGradGuard no_grad;
+    QHead head(5, QHeadConfig{.num_actions = 2, .hidden_units = 6, .layer_norm = true}, generator());
+    auto parameters = head->named_parameters();
+    const auto x = features();
+    const auto hidden = torch::layer_norm(x.mm(parameters["fc1.weight"].t()), {6}, {}, {}, 1e-6).relu();
+    EXPECT_TRUE(torch::allclose(head(x).squeeze(2), hidden.mm(parameters["out.weight"].t()), 1e-4, 1e-5));
 }
 
 TEST(QNetwork, IsAnEncoderAndAHead) {

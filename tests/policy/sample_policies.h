@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "cale/joystick.h"
 #include "policy/encoder_layers.h"
 #include "policy/inference_plan.h"
 #include "policy/policy_file.h"
@@ -44,6 +45,17 @@ inline NetworkSpec action_values(const Layers& encoder, bool dueling = false, st
 
 inline NetworkSpec with_observation(std::vector<std::int64_t> observation, NetworkSpec network) {
     network.observation = std::move(observation);
+    return network;
+}
+
+/// An actor with another number of coordinates.
+inline NetworkSpec along_axes(std::int64_t axes, NetworkSpec network) {
+    network.head.axes = axes;
+    return network;
+}
+
+inline NetworkSpec with_actions(std::int64_t count, NetworkSpec network) {
+    network.head.num_actions = count;
     return network;
 }
 
@@ -106,16 +118,27 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"dueling", action_values(phi_dqn(), true)},
             {"der", action_values(phi_dqn(), true, 51)},
             {"der_impala", action_values(impala(), true, 51)},
+            {"sac_compact", with_observation({2, 40, 33}, actor(compact(), tanh_actor))},
+            {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
+            {"rainbow_factored",
+             with_observation({4, 128}, with_actions(18, action_values(mlp(true), true, 51)))},
             {"mixture", mixture()}};
 }
 
-/// What it needs beside its weights.
+/// What it needs beside its weights. Four coordinates are those of `direction`, eighteen actions those of
+/// `factored`.
 inline PolicyInfo sample_info(const NetworkSpec& network) {
     PolicyInfo info;
     info.game = "Breakout";
     info.agent = "sac";
     info.action_space = network.head.continuous() ? "continuous" : "minimal";
     for (std::int64_t i = 0; i < network.head.num_actions; ++i) info.actions.push_back(static_cast<Event>(i));
+    if (network.head.continuous() && network.head.axes == 4) info.joystick = Joystick::direction;
+    if (network.head.num_actions == kEventCount) {
+        info.action_space = "continuous";
+        info.joystick = Joystick::factored;
+        info.actions.assign(factored_events().begin(), factored_events().end());
+    }
     info.encoder = "phi_sac";
     set_observation(info, network.observation);
     info.epsilon = 0.25;

@@ -108,7 +108,10 @@ TEST(NetworkText, RefusesWhatItDoesNotKnow) {
               "its network's entry 'attention 3' is no layer that is known");
     EXPECT_THAT(refusal("flatten; flatten; gaussian"), HasSubstr("is not its observation"));
     EXPECT_THAT(refusal("observation 4 8; flatten; softmax"), HasSubstr("'softmax' is no head"));
-    EXPECT_THAT(refusal("observation 4 8; flatten; gaussian 3"), HasSubstr("has more to it"));
+    EXPECT_EQ(refusal("observation 4 8; flatten; gaussian 4"), "no error");
+    EXPECT_THAT(refusal("observation 4 8; flatten; gaussian 3"), HasSubstr("not written as"));
+    EXPECT_THAT(refusal("observation 4 8; flatten; gaussian 5"), HasSubstr("from 1 to 4"));
+    EXPECT_THAT(refusal("observation 4 8; flatten; gaussian 4 4"), HasSubstr("has more to it"));
     EXPECT_THAT(refusal("observation 4 8; dense fc; gaussian"), HasSubstr("ends too early"));
     EXPECT_THAT(refusal("observation 4 8; flatten;dense a.b 8; gaussian"), HasSubstr("separated by '; '"));
     EXPECT_THAT(refusal("observation 4 8; flatten; dense a/b 8; gaussian"), HasSubstr("a name that is not"));

@@ -206,6 +206,31 @@ TEST(PolicyFileDamage, NetworksThatDoNotFitTheirWeights) {
     const auto dqn = sample_policy(test::action_values(phi_dqn()));
     EXPECT_THAT(error_of(with_texts(dqn, [](Texts& texts) { texts["actions"] = "NOOP FIRE"; })),
                 HasSubstr("another number of actions than are listed"));
+    EXPECT_THAT(error_of(with_texts(dqn, [](Texts& texts) { texts["joystick"] = "cartesian"; })),
+                HasSubstr("'minimal' has no coordinates of a joystick"));
+}
+
+TEST(PolicyFileTest, TheJoystickFitsTheNetwork) {
+    const auto with_joystick = [](const PolicyFile& policy, const std::string& joystick) {
+        return error_of(with_texts(policy, [&](Texts& texts) { texts["joystick"] = joystick; }));
+    };
+    const auto sac = small_sac();
+    EXPECT_EQ(policy_file_contents(sac).find("joystick"),
+              std::string::npos);  // polar, as before there were others
+    EXPECT_EQ(with_joystick(sac, "cartesian"), "no error");
+    EXPECT_THAT(with_joystick(sac, "direction"),
+                HasSubstr("another number of coordinates than its joystick"));
+    EXPECT_THAT(with_joystick(sac, "factored"), HasSubstr("does not act on the action space 'continuous'"));
+    EXPECT_THAT(with_joystick(sac, "polar"), HasSubstr("cartesian"));  // is written by leaving it out
+    const auto factored = sample_policy(test::with_actions(kEventCount, test::action_values(phi_dqn())));
+    EXPECT_THAT(with_joystick(factored, "factored"), "no error");
+    EXPECT_THAT(error_of(with_texts(factored,
+                                    [](Texts& texts) {
+                                        auto& actions = texts["actions"];
+                                        actions = actions.substr(actions.find(' ') + 1) + " " +
+                                                  actions.substr(0, actions.find(' '));
+                                    })),
+                HasSubstr("not that of the factored joystick"));
 }
 
 /// The file as version 1 had it: a network by the names of its parts.

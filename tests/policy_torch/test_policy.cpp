@@ -59,9 +59,12 @@ TEST_P(PolicyOf, LibTorchAndLiteAgree) {
         EXPECT_LT(relative_difference(outputs[i], lite.output(bytes_of(frame), workspace)), 1e-5);
         const auto decision = lite.act(bytes_of(frame), workspace);
         if (network.head.continuous()) {
-            EXPECT_NEAR(decision.stick.radius, actions[i][0].item<float>(), 1e-5);
-            EXPECT_NEAR(decision.stick.theta, actions[i][1].item<float>(), 1e-4);
-            EXPECT_NEAR(decision.stick.fire, actions[i][2].item<float>(), 1e-5);
+            const auto action = actions[i].contiguous();
+            const auto joystick = stick(policy.info().joystick, {action.const_data_ptr<float>(),
+                                                                 static_cast<std::size_t>(action.numel())});
+            EXPECT_NEAR(decision.stick.radius, joystick.radius, 1e-5);
+            EXPECT_NEAR(decision.stick.theta, joystick.theta, 1e-4);
+            EXPECT_NEAR(decision.stick.fire, joystick.fire, 1e-5);
         } else {
             EXPECT_EQ(decision.action, actions[i].item<std::int64_t>());
         }
@@ -96,7 +99,9 @@ std::vector<EncoderConfig> every_encoder() {
             {.encoder = phi_dqn, .observation = {4, 84, 84}, .padding = Padding::valid},
             {.encoder = impala, .observation = test::kSmallFrames},
             {.encoder = mlp, .observation = test::kSmallFrames},
-            {.encoder = mlp, .observation = {4, 128}}};
+            {.encoder = mlp, .observation = {4, 128}},
+            {.encoder = mlp, .observation = {4, 128}, .layer_norm = true},
+            {.encoder = compact, .observation = {2, 40, 33}}};
 }
 
 at::Generator generator() {
@@ -197,6 +202,32 @@ TEST(PolicyTest, AsEvaluatedDrawsInTheOrderOfTheAgents) {
     const auto actions = policy.act(frames, Choice::as_evaluated, generator());
     EXPECT_TRUE(at::equal(actions, torch::where(chosen, uniform, policy.act(frames))));
     EXPECT_FALSE(at::equal(actions, policy.act(frames)));
+}
+
+TEST(PolicyTest, ActsInTheCoordinatesOfItsJoystick) {
+    auto file = sample_policy(test::sample_networks().front().network);
+    file.info.joystick = Joystick::cartesian;
+    const auto contents = policy_file_contents(file);
+    const auto policy = Policy::parse(contents);
+    const auto lite = lite::Policy::parse(contents);
+    auto workspace = lite.workspace();
+    const auto frames = observations(file.network, 8);
+    const auto output = policy.output(frames), actions = policy.act(frames);
+    for (std::int64_t i = 0; i < 8; ++i) {
+        // (x, y, fire)
+        const auto mean = output[i].slice(0, 0, 3).tanh();
+        EXPECT_NEAR(actions[i][0].item<float>(), mean[0].item<float>(), 1e-5);
+        EXPECT_NEAR(actions[i][1].item<float>(), mean[1].item<float>(), 1e-5);
+        EXPECT_NEAR(actions[i][2].item<float>(), 0.5F + 0.5F * mean[2].item<float>(), 1e-5);
+        const auto frame = frames[i].contiguous();
+        const auto decision = lite.act(bytes_of(frame), workspace), same = policy.act(bytes_of(frame));
+        const float xy[] = {actions[i][0].item<float>(), actions[i][1].item<float>(), 0};
+        const auto expected = stick(Joystick::cartesian, xy);
+        EXPECT_NEAR(decision.stick.radius, expected.radius, 1e-5);
+        EXPECT_NEAR(decision.stick.theta, expected.theta, 1e-4);
+        EXPECT_NEAR(same.stick.theta, expected.theta, 1e-4);
+        EXPECT_EQ(decision.event, joystick_event(decision.stick, 0.5F));
+    }
 }
 
 TEST(PolicyTest, ThreadsShareAPolicy) {

@@ -1,0 +1,66 @@
+#include "replay/random_shift.h"
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+
+#include <ATen/Parallel.h>
+#include <torch/types.h>
+
+namespace cale {
+namespace {
+
+/// Copies one plane of rows x columns bytes.
+void shift_plane(const std::uint8_t* from, std::uint8_t* to, std::int64_t rows, std::int64_t columns,
+                 std::int64_t down, std::int64_t right) {
+    const auto first = std::clamp<std::int64_t>(-right, 0, columns),
+               last = std::clamp(columns - right, first, columns);
+    for (std::int64_t i = 0; i < rows; ++i, to += columns) {
+        const auto* const row = from + std::clamp<std::int64_t>(i + down, 0, rows - 1) * columns;
+        std::memset(to, row[0], static_cast<std::size_t>(first));
+        std::memcpy(to + first, row + first + right, static_cast<std::size_t>(last - first));
+        std::memset(to + last, row[columns - 1], static_cast<std::size_t>(columns - last));
+    }
+}
+
+torch::Tensor shifted_on_cpu(const torch::Tensor& frames, const torch::Tensor& shifts) {
+    const auto source = frames.contiguous();
+    const auto by = shifts.cpu().contiguous();
+    auto result = torch::empty_like(source);
+    const auto planes = source.size(1), rows = source.size(2), columns = source.size(3);
+    const auto size = rows * columns;
+    const auto* const from = source.const_data_ptr<std::uint8_t>();
+    auto* const to = result.data_ptr<std::uint8_t>();
+    const auto* const shift = by.const_data_ptr<std::int64_t>();
+    at::parallel_for(0, source.size(0), /*grain_size=*/8, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t plane = begin * planes; plane < end * planes; ++plane) {
+            const auto* const own = shift + plane / planes * 2;
+            shift_plane(from + plane * size, to + plane * size, rows, columns, own[0], own[1]);
+        }
+    });
+    return result;
+}
+
+}  // namespace
+
+torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts) {
+    if (frames.dim() != 4 || frames.scalar_type() != torch::kUInt8)
+        throw std::invalid_argument("random_shift moves frames [B, stack, rows, columns] of type uint8");
+    if (frames.is_cpu()) return shifted_on_cpu(frames, shifts);
+    const auto moved = shifts.to(frames.device());
+    const auto index = [&](std::int64_t axis) {
+        const auto size = frames.size(axis + 2);
+        return (torch::arange(size, moved.options()) + moved.select(1, axis).unsqueeze(1)).clamp(0, size - 1);
+    };
+    const auto rows = index(0).view({frames.size(0), 1, -1, 1}),
+               columns = index(1).view({frames.size(0), 1, 1, -1});
+    return frames.gather(2, rows.expand(frames.sizes())).gather(3, columns.expand(frames.sizes()));
+}
+
+torch::Tensor random_shift(const torch::Tensor& frames, std::int64_t pad, const at::Generator& random) {
+    if (pad < 0) throw std::invalid_argument("random_shift needs a pad of at least 0");
+    const auto options = torch::dtype(torch::kInt64).device(frames.device());
+    return shifted(frames, torch::randint(-pad, pad + 1, {frames.size(0), 2}, random, options));
+}
+
+}  // namespace cale
