@@ -134,15 +134,19 @@ struct ActorCriticState {
         parts.tensors["log_alpha"] = log_alpha.detach();
     }
 
-    /// losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, entropy, alpha}.
+    /// losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, entropy, alpha} and
+    /// charts/{critic_gradient_norm, actor_gradient_norm}.
     template <class Losses>
     std::map<std::string, double> metrics(const Losses& losses) const {
         const auto mean = [](const torch::Tensor& x) { return x.mean().template item<double>(); };
-        return {
+        std::map<std::string, double> values{
             {"losses/qf_loss", mean(losses.critic)},   {"losses/qf1_values", mean(losses.q1)},
             {"losses/qf2_values", mean(losses.q2)},    {"losses/target_values", mean(losses.target_values)},
             {"losses/actor_loss", mean(losses.actor)}, {"losses/alpha_loss", mean(losses.alpha)},
             {"losses/entropy", mean(losses.entropy)},  {"losses/alpha", std::exp(mean(log_alpha.detach()))}};
+        if (const auto norm = gradient_norm(critic)) values["charts/critic_gradient_norm"] = *norm;
+        if (const auto norm = gradient_norm(actor)) values["charts/actor_gradient_norm"] = *norm;
+        return values;
     }
 
     /// Returns the network that chooses actions.

@@ -134,7 +134,8 @@ struct Der : QState {
     double epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
 
     std::map<std::string, double> metrics(const DerLosses& losses) const {
-        return {{config.distributional ? "losses/cross_entropy" : "losses/td_loss",
+        return {{"charts/gradient_norm", gradient_norm(network->parameters()).value_or(0)},
+                {config.distributional ? "losses/cross_entropy" : "losses/td_loss",
                  losses.per_transition.mean().item<double>()},
                 {"losses/q_values", losses.q.mean().item<double>()}};
     }

@@ -92,9 +92,9 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
 DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& loss_weights,
                      const DerNoise& noise, const DerConfig& config);
 
-/// Tags: losses/{cross_entropy or td_loss, q_values}, charts/{learning_rate, epsilon}.
+/// Tags: losses/{cross_entropy or td_loss, q_values}, charts/{learning_rate, epsilon, gradient_norm}.
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
-/// Throws std::invalid_argument for a world with the continuous joystick.
+/// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_der(const DerConfig& config, const AgentSpec& spec);
 /// Returns how its network represents action values.
 QHeadConfig head_of(const DerConfig& config);

@@ -60,7 +60,8 @@ struct Dqn : QState {
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }
 
     std::map<std::string, double> metrics(const DqnLosses& losses) const {
-        return {{"losses/td_loss", losses.loss.item<double>()},
+        return {{"charts/gradient_norm", gradient_norm(network->parameters()).value_or(0)},
+                {"losses/td_loss", losses.loss.item<double>()},
                 {"losses/q_values", losses.q.mean().item<double>()}};
     }
 

@@ -50,9 +50,9 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
 /// Makes one gradient step. Returns the losses before it, detached.
 DqnLosses dqn_update(QState& state, const Batch& batch, const DqnConfig& config);
 
-/// Tags: losses/{td_loss, q_values}, charts/{learning_rate, epsilon}.
+/// Tags: losses/{td_loss, q_values}, charts/{learning_rate, epsilon, gradient_norm}.
 /// State: network/<parameter>, target/<parameter>, adam/..., training_steps, random/....
-/// Throws std::invalid_argument for a world with the continuous joystick.
+/// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_dqn(const DqnConfig& config, const AgentSpec& spec);
 /// Returns the network's head: one value per action.
 inline QHeadConfig head_of(const DqnConfig&) {

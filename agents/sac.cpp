@@ -65,6 +65,7 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     const auto q_pi = network->values(critic_z.detach(), pi.action).estimate(config.twin_estimate);
     losses.actor = (alpha * pi.log_prob - q_pi).mean();
     losses.mean_action = mean_action(policy, network->box).detach();
+    losses.log_std = policy.log_std.detach();
 
     // Temperature, SAC's equation 18, with log alpha in alpha's place, as its authors' code has it.
     losses.entropy = -pi.log_prob.detach();
@@ -122,6 +123,7 @@ struct Sac : ActorCriticState<SacNetwork> {
     std::map<std::string, double> metrics(const SacLosses& losses) const {
         auto values = ActorCriticState::metrics(losses);
         add_mean_action(values, space, losses.mean_action.mean(0));
+        values["charts/mean_log_std"] = losses.log_std.mean().item<double>();
         return values;
     }
 

@@ -62,6 +62,7 @@ struct SacLosses {
     torch::Tensor target_values;     // [B] y
     torch::Tensor entropy = {};      // [B] -log pi of the actor's own sample
     torch::Tensor mean_action = {};  // [B, A] of the actor
+    torch::Tensor log_std = {};      // [B, A] of the actor, before the tanh
 };
 
 /// A pure function of its arguments. `log_alpha` is [1]. Without the actor, the losses of the critics alone.
@@ -76,8 +77,8 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
                      const SacConfig& config, bool with_actor = true);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
-/// charts/{learning_rate, epsilon, mean_radius, mean_theta, mean_fire}.
-/// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
+/// charts/{learning_rate, epsilon, mean_<coordinate>, mean_log_std, critic_gradient_norm,
+/// actor_gradient_norm}. State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);

@@ -69,7 +69,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
                        const SacdConfig& config, bool with_actor = true);
 
 /// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
-/// charts/{learning_rate, epsilon}.
+/// charts/{learning_rate, epsilon, critic_gradient_norm, actor_gradient_norm}.
 /// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....
 /// Throws std::invalid_argument for a world with the continuous joystick.

@@ -2,30 +2,20 @@
 
 #include <fmt/format.h>
 
+#include "cale/zones.h"
+
 namespace cale {
 
-namespace {
-
-/// Where the stick is for each Event, the button aside.
-constexpr std::array<const char*, kEventCount> kZones{
-    "centre",    "centre", "up",    "right", "left", "down",     "up_right", "up_left",    "down_right",
-    "down_left", "up",     "right", "left",  "down", "up_right", "up_left",  "down_right", "down_left"};
-
-constexpr bool has_fire(std::size_t event) {
-    return event == static_cast<std::size_t>(Event::fire) ||
-           event >= static_cast<std::size_t>(Event::up_fire);
-}
-
-}  // namespace
-
 std::map<std::string, double> zone_shares(const EventCounts& before, const EventCounts& now) {
-    std::map<std::string, double> shares;
+    std::map<std::string, double> shares{{"fire", 0}};
+    for (const auto zone : kZones) shares[std::string(zone)] = 0;
     double steps = 0;
-    for (std::size_t event = 0; event < now.size(); ++event) {
-        const auto count = static_cast<double>(now[event] - before[event]);
+    for (std::size_t i = 0; i < now.size(); ++i) {
+        const auto event = static_cast<Event>(i);
+        const auto count = static_cast<double>(now[i] - before[i]);
         steps += count;
-        shares[kZones[event]] += count;
-        shares["fire"] += has_fire(event) ? count : 0;
+        shares[std::string(kZones[zone_of(event)])] += count;
+        if (presses_fire(event)) shares["fire"] += count;
     }
     if (steps <= 0) return {};
     for (auto& [zone, share] : shares) share /= steps;

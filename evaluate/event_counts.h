@@ -13,8 +13,8 @@ namespace cale {
 /// By Event; in agent steps.
 using EventCounts = std::array<std::int64_t, kEventCount>;
 
-/// Returns the parts of the steps from `before` to `now` in each of the joystick's nine zones, and with the
-/// button pressed: "centre", "up", ..., "down_left", and "fire". Empty without steps.
+/// Returns the parts of the steps from `before` to `now` in each of the joystick's zones, by the names of
+/// kZones, and with the button pressed, "fire". Empty without steps.
 std::map<std::string, double> zone_shares(const EventCounts& before, const EventCounts& now);
 
 /// A table `event,count` with a row for each of the 18 events.

@@ -96,11 +96,31 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
     at::_foreach_lerp_(target, online, tau);
 }
 
-torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum) {
-    const torch::NoGradGuard no_grad;
+namespace {
+
+std::vector<torch::Tensor> gradients_of(const std::vector<torch::Tensor>& parameters) {
     std::vector<torch::Tensor> gradients;
     for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
-    const auto norm = at::stack(at::_foreach_norm(gradients)).norm();
+    return gradients;
+}
+
+torch::Tensor global_norm(const std::vector<torch::Tensor>& tensors) {
+    return at::stack(at::_foreach_norm(tensors)).norm();
+}
+
+}  // namespace
+
+std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters) {
+    const torch::NoGradGuard no_grad;
+    const auto gradients = gradients_of(parameters);
+    if (!std::ranges::all_of(gradients, &torch::Tensor::defined)) return std::nullopt;
+    return global_norm(gradients).item<double>();
+}
+
+torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum) {
+    const torch::NoGradGuard no_grad;
+    const auto gradients = gradients_of(parameters);
+    const auto norm = global_norm(gradients);
     at::_foreach_mul_(gradients, (maximum / norm).clamp_max(1));
     return norm;
 }

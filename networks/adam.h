@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -61,6 +62,9 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
 /// Scales the gradients of `parameters` down to the global norm `maximum` where it is larger, without a
 /// wait for the device. Returns the norm before: [].
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum);
+
+/// Returns the global norm of the gradients that `parameters` have; none where one of them has none.
+std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters);
 
 /// target = online, in place.
 void hard_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online);

@@ -74,6 +74,30 @@ std::vector<RewardQuantile> mean_reward_quantiles(const std::vector<const Run*>&
     return mean;
 }
 
+std::vector<ZoneRow> mean_zones(const std::vector<const Run*>& runs) {
+    constexpr std::size_t kParts = 40;
+    double end = 0;
+    for (const auto* run : runs)
+        if (!run->zones.empty()) end = std::max(end, run->zones.back().step);
+    std::vector<ZoneRow> parts(kParts);
+    std::vector<double> rows(kParts, 0);
+    for (const auto* run : runs) {
+        for (const auto& [step, shares] : run->zones) {
+            const auto part = static_cast<std::size_t>(std::max(0.0, std::ceil(step / end * kParts) - 1));
+            for (std::size_t zone = 0; zone < shares.size(); ++zone) parts[part].shares[zone] += shares[zone];
+            ++rows[part];
+        }
+    }
+    std::vector<ZoneRow> mean;
+    for (std::size_t part = 0; part < kParts; ++part) {
+        if (rows[part] == 0) continue;
+        mean.push_back(parts[part]);
+        mean.back().step = end * static_cast<double>(part + 1) / kParts;
+        for (auto& share : mean.back().shares) share /= rows[part];
+    }
+    return mean;
+}
+
 GameResult result_on(const Game& game, std::vector<const Run*> runs, const Bootstrap& bootstrap,
                      const Bootstrap& for_bands) {
     std::sort(runs.begin(), runs.end(), [](const Run* a, const Run* b) { return a->seed < b->seed; });
@@ -92,6 +116,7 @@ GameResult result_on(const Game& game, std::vector<const Run*> runs, const Boots
     }
     result.event_shares = mean_event_shares(runs);
     result.reward_quantiles = mean_reward_quantiles(runs);
+    result.zones = mean_zones(runs);
     return result;
 }
 

@@ -26,6 +26,9 @@ Picture game_table_figure(const Comparison& comparison);
 /// How often each joystick event was chosen: a panel per game for up to four games, else the mean over all
 /// games.
 Picture event_figure(const Comparison& comparison);
+/// A panel per game and group: the parts of the agent steps in each of the joystick's zones, over the
+/// training.
+Picture zone_figure(const Comparison& comparison);
 /// A panel per game: the rewards of an agent step, by quantile.
 Picture reward_figure(const Comparison& comparison);
 

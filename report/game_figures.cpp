@@ -2,10 +2,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "cale/action.h"
 #include "report/figures.h"
@@ -144,20 +146,28 @@ void draw_references(Picture& picture, const Panel& panel, std::vector<Reference
     }
 }
 
-/// What the letters beside the lines stand for. Returns the height in pixels below `top` that it takes.
-double draw_letter_key(Picture& picture, const std::vector<Baseline>& references, double top) {
+/// "WHAT: a = name, b = name, ...", as panels are too small for names. Returns the height in pixels below
+/// `top` that it takes.
+double draw_letter_key(Picture& picture, const std::string& what, const std::vector<std::string>& names,
+                       double top) {
     constexpr double kSize = 11, kRow = 15;
-    if (references.empty()) return 0;
+    if (names.empty()) return 0;
     std::vector<std::string> parts;
-    for (std::size_t i = 0; i < references.size(); ++i)
-        parts.push_back(fmt::format("{} = {}", letter(i), references[i].name));
+    for (std::size_t i = 0; i < names.size(); ++i)
+        parts.push_back(fmt::format("{} = {}", letter(i), names[i]));
     double y = top;
     for (const auto& line :
-         wrapped(fmt::format("dashed: {}", fmt::join(parts, ", ")), picture.width - 2 * kMargin, kSize)) {
+         wrapped(fmt::format("{}: {}", what, fmt::join(parts, ", ")), picture.width - 2 * kMargin, kSize)) {
         y += kRow;
         picture.words.push_back({line, {kMargin, y}, kFaintInk, kSize});
     }
     return y - top;
+}
+
+std::vector<std::string> names_of(const std::vector<Baseline>& references) {
+    std::vector<std::string> names;
+    for (const auto& reference : references) names.push_back(reference.name);
+    return names;
 }
 
 /// A picture with a title, a legend, and below them a grid for so many panels.
@@ -165,7 +175,7 @@ std::pair<Picture, Grid> small_multiples(const std::string& title, const Compari
                                          std::size_t count, const std::vector<Baseline>& references = {}) {
     Picture picture = titled_picture(title, Grid(count, 0).width());
     double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
-    top += draw_letter_key(picture, references, top);
+    top += draw_letter_key(picture, "dashed", names_of(references), top);
     return {std::move(picture), Grid(count, top)};
 }
 
@@ -347,6 +357,101 @@ Picture event_figure(const Comparison& comparison) {
     return picture;
 }
 
+namespace {
+
+/// Of kZones: the centre grey, opposite directions in opposite hues, diagonals paler.
+constexpr std::array<Colour, kZones.size()> kZoneColours{{{0xd9, 0xdd, 0xe2},
+                                                          {0xd5, 0x5e, 0x00},
+                                                          {0xe8, 0xa8, 0x6a},
+                                                          {0xe6, 0xc2, 0x29},
+                                                          {0x8f, 0xd0, 0xb4},
+                                                          {0x00, 0x9e, 0x73},
+                                                          {0x7f, 0xb8, 0xdc},
+                                                          {0x00, 0x72, 0xb2},
+                                                          {0xb0, 0x8f, 0xc7}}};
+constexpr std::size_t kMostZoneGames = 6;
+
+/// Nine squares that lie as the joystick does, their upper left corner at (left, top).
+void draw_zone_key(Picture& picture, double left, double top) {
+    constexpr double kSquare = 13, kStep = kSquare + 2;
+    // Column and row of each of kZones.
+    constexpr std::array<std::pair<int, int>, kZones.size()> places{
+        {{1, 1}, {2, 1}, {2, 0}, {1, 0}, {0, 0}, {0, 1}, {0, 2}, {1, 2}, {2, 2}}};
+    for (std::size_t zone = 0; zone < kZones.size(); ++zone) {
+        const double x = left + kStep * places[zone].first, y = top + kStep * places[zone].second;
+        picture.areas.push_back(rectangle(x, y, x + kSquare, y + kSquare, kZoneColours[zone]));
+    }
+    picture.words.push_back({"where the joystick was", {left + 3 * kStep + 8, top + 27}, kFaintInk, 11});
+}
+
+/// One area on the other, from the centre upwards.
+void draw_zones(Picture& picture, const Panel& panel, const std::vector<ZoneRow>& zones) {
+    std::vector<double> below(zones.size(), 0);
+    for (std::size_t zone = 0; zone < kZones.size(); ++zone) {
+        std::vector<Point> outline, lower;
+        double from = 0;  // each row stands for the steps since the one before
+        for (std::size_t i = 0; i < zones.size(); ++i) {
+            const double left = panel.to_x(from), right = panel.to_x(zones[i].step);
+            lower.push_back({left, panel.to_y(below[i])});
+            lower.push_back({right, panel.to_y(below[i])});
+            below[i] += zones[i].shares[zone];
+            outline.push_back({left, panel.to_y(below[i])});
+            outline.push_back({right, panel.to_y(below[i])});
+            from = zones[i].step;
+        }
+        outline.insert(outline.end(), lower.rbegin(), lower.rend());
+        picture.areas.push_back({std::move(outline), kZoneColours[zone]});
+    }
+}
+
+bool has_zones(const GameResult& result) {
+    return !result.zones.empty();
+}
+
+}  // namespace
+
+Picture zone_figure(const Comparison& comparison) {
+    auto rows = rows_with(comparison, has_zones);
+    const auto games = rows.size();
+    if (rows.size() > kMostZoneGames) rows.resize(kMostZoneGames);
+    const auto labels = labels_of(comparison);
+    struct Shown {
+        std::string title;
+        const std::vector<ZoneRow>* zones;
+    };
+    std::vector<Shown> shown;
+    for (const auto& row : rows) {
+        for (std::size_t group = 0; group < row.results.size(); ++group) {
+            const auto* const result = row.results[group];
+            if (result == nullptr) continue;
+            const auto which = labels.size() == 1 ? "" : ": " + letter(group);
+            shown.push_back({std::string(row.game->name) + which, &result->zones});
+        }
+    }
+    auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
+    constexpr double kKey = 50, kKeyHeight = 50;
+    draw_zone_key(picture, kMargin, kKey);
+    double top = kKey + kKeyHeight;
+    if (labels.size() > 1) top += draw_letter_key(picture, "groups", labels, top);
+    const Grid grid(shown.size(), top);
+    for (std::size_t i = 0; i < shown.size(); ++i) {
+        Panel panel = grid.panel(i);
+        panel.x = {0, shown[i].zones->back().step};
+        panel.y = {0, 1};
+        draw_axes(picture, panel, 3, 2, 11);
+        title_panel(picture, panel, shown[i].title);
+        draw_zones(picture, panel, *shown[i].zones);
+    }
+    finish_picture(
+        picture, grid.bottom(),
+        fmt::format(
+            "part of the agent steps (vertical) since the point before, over agent steps; mean "
+            "of the runs ({}){}",
+            runs_text(comparison),
+            games > rows.size() ? fmt::format("; the first {} of {} games", rows.size(), games) : ""));
+    return picture;
+}
+
 Picture reward_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_rewards);
     auto [picture, grid] = small_multiples("Rewards of an agent step, by quantile", comparison, rows.size());
@@ -414,6 +519,13 @@ std::vector<Figure> game_figures(const Comparison& comparison) {
                                    comparison.config.score == ScoreKind::training ? "in all their training"
                                                                                   : "when evaluated"),
                        event_figure(comparison)});
+    }
+    if (!rows_with(comparison, has_zones).empty()) {
+        all.push_back(
+            {"zones", "Zones over the training",
+             "Where the agents held the joystick, from the beginning of the training to its end. An "
+             "agent whose picture loses its colours has stopped to explore.",
+             zone_figure(comparison)});
     }
     if (!rows_with(comparison, has_rewards).empty()) {
         all.push_back({"rewards", "Rewards", "How rewards are distributed over the steps of an evaluation.",

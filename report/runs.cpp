@@ -353,6 +353,25 @@ std::pair<std::size_t, std::size_t> columns_of(const CsvTable& table, std::strin
     return {*first, *second};
 }
 
+std::vector<ZoneRow> read_zones(const fs::path& progress) {
+    const auto table = read_csv(progress);
+    const auto step = table.find("global_step");
+    std::array<std::size_t, kZones.size()> columns{};
+    for (std::size_t zone = 0; zone < kZones.size(); ++zone) {
+        const auto column = table.find(fmt::format("zones/{}", kZones[zone]));
+        if (!column || !step) return {};
+        columns[zone] = *column;
+    }
+    std::vector<ZoneRow> zones;
+    for (std::size_t row = 0; row < table.rows.size(); ++row) {
+        if (table.rows[row][columns[0]].empty()) continue;
+        zones.push_back({.step = table.number(row, *step)});
+        for (std::size_t zone = 0; zone < kZones.size(); ++zone)
+            zones.back().shares[zone] = table.number(row, columns[zone]);
+    }
+    return zones;
+}
+
 std::vector<double> read_event_shares(const fs::path& path) {
     const auto table = read_whole_csv(path);
     const auto [name, count] = columns_of(table, "event", "count");
@@ -416,6 +435,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     } else if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty()) {
         run.event_shares = read_event_shares(files.back());
     }
+    if (const auto file = folder / "progress.csv"; fs::exists(file)) run.zones = read_zones(file);
     if (const auto files = evaluation_files(evaluations.folder, "_rewards.csv"); !files.empty())
         run.reward_quantiles = read_reward_quantiles(files.back());
     return run;

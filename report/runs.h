@@ -1,6 +1,7 @@
 // The runs of a report: agent, game, settings, and scores over time.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -11,6 +12,7 @@
 
 #include "cale/env.h"
 #include "cale/games.h"
+#include "cale/zones.h"
 
 namespace cale {
 
@@ -24,6 +26,12 @@ enum class ScoreKind { training, evaluation };
 struct RewardQuantile {
     double quantile = 0;  // [0, 1]
     double reward = 0;
+};
+
+/// Where the joystick was in the agent steps up to this one, since the row before.
+struct ZoneRow {
+    double step = 0;
+    std::array<double, kZones.size()> shares{};  // add up to 1
 };
 
 struct Run {
@@ -50,6 +58,7 @@ struct Run {
     // where none was recorded.
     std::vector<double> event_shares{};
     std::vector<RewardQuantile> reward_quantiles{};  // of its newest evaluation
+    std::vector<ZoneRow> zones{};                    // of its training; empty where none were recorded
 
     double score() const { return scores.back(); }
 };

@@ -144,6 +144,13 @@ TEST(ClipGradientNorm, ScalesAllGradientsDownToTheLargestNorm) {
     EXPECT_TRUE(torch::allclose(parameters[1].grad(), torch::tensor({0.5f})));
 }
 
+TEST(GradientNorm, IsThatOfAllGradientsTogether) {
+    auto parameters = parameters_with_gradients();
+    EXPECT_FLOAT_EQ(static_cast<float>(gradient_norm(parameters).value()), 3);
+    parameters.push_back(torch::zeros({1}).requires_grad_());
+    EXPECT_FALSE(gradient_norm(parameters).has_value());
+}
+
 TEST(ClipGradientNorm, LeavesShorterGradientsAlone) {
     const auto parameters = parameters_with_gradients();
     EXPECT_FLOAT_EQ(clip_gradient_norm(parameters, 3.5).item<float>(), 3);

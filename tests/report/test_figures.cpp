@@ -24,7 +24,7 @@ using ::testing::Not;
 
 class Figures : public ::testing::Test {
   protected:
-    /// Two agents with long names, `games` games, two seeds, with events and rewards.
+    /// Two agents with long names, `games` games, two seeds, with events, zones and rewards.
     Comparison comparison(std::size_t game_count) const {
         for (const auto* agent : {"sac", "a_rather_long_name_of_an_agent"}) {
             std::size_t i = 0;
@@ -35,6 +35,11 @@ class Figures : public ::testing::Test {
                     const double score = static_cast<double>(seed * 100 + i);
                     folders_.run(folder, agent, std::string(game.name), seed, {score, 50, 2 * score});
                     folders_.write(folder + "/joystick_events.csv", "event,count\nUP,3\nUPFIRE,1\n");
+                    folders_.write(
+                        folder + "/progress.csv",
+                        "global_step,zones/centre,zones/right,zones/up_right,zones/up,zones/up_left,"
+                        "zones/left,zones/down_left,zones/down,zones/down_right,zones/fire\n"
+                        "100,0.5,0.5,0,0,0,0,0,0,0,1\n300,0,0,0,0.25,0,0.75,0,0,0,0\n");
                     folders_.write(folder + "/eval/step_000000300_rewards.csv",
                                    "quantile,reward\n0,0\n1,7\n");
                 }
@@ -108,7 +113,7 @@ TEST_F(Figures, AreAllThereAndTidy) {
         const auto all = figures(comparison(game_count));
         EXPECT_THAT(names_of(all), ElementsAre("aggregates", "sample_efficiency", "performance_profiles",
                                                "probability_of_improvement", "game_curves", "game_scores",
-                                               "events", "rewards"));
+                                               "events", "zones", "rewards"));
         for (const auto& figure : all) expect_tidy(figure);
     }
 }

@@ -107,6 +107,20 @@ TEST_F(Runs, EventsAreThoseOfTheTrainingWhoseScoreCounts) {
     EXPECT_DOUBLE_EQ(run.event_shares[static_cast<std::size_t>(Event::up)], 0);
 }
 
+TEST_F(Runs, ZonesAreThoseOfTheRowsThatHaveThem) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    const std::string header =
+        "global_step,zones/centre,zones/right,zones/up_right,zones/up,zones/up_left,zones/left,"
+        "zones/down_left,zones/down,zones/down_right\n";
+    folders_.write("a/progress.csv", header + "50,,,,,,,,,\n100,0.5,0,0,0,0,0.25,0,0,0.25\n");
+    const auto zones = found().runs.at(0).zones;
+    ASSERT_THAT(zones, SizeIs(1));  // a run that goes on from an older checkpoint has none in its first rows
+    EXPECT_EQ(zones[0].step, 100);
+    EXPECT_THAT(zones[0].shares, ElementsAre(0.5, 0, 0, 0, 0, 0.25, 0, 0, 0.25));
+    folders_.write("a/progress.csv", "global_step,frame\n100,400\n");
+    EXPECT_THAT(found().runs.at(0).zones, IsEmpty());
+}
+
 TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
     folders_.run("a", "sac", "Pong", 1, {-21});
     folders_.write("a/eval/step_000000900.csv", "episode,return,length,frames\n0,-10,1,4\n1,-20,1,4\n");
