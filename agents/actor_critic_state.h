@@ -40,6 +40,14 @@ struct ActorCriticSettings {
     bool entropy_in_target = true;
     TwinEstimate twin_estimate = TwinEstimate::minimum;
     bool act_with_target = false;
+    bool zero_outputs = false;
+
+    /// Returns the configuration of the actor and of every critic.
+    HeadConfig head() const {
+        auto config = network.head();
+        if (zero_outputs) config.initialise_out = zeros();
+        return config;
+    }
 };
 
 template <class Visit>
@@ -66,6 +74,8 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     visit("twin_estimate", settings.twin_estimate, "of two critics: their minimum, or their mean");
     visit("act_with_target", settings.act_with_target,
           "whether the target's actor chooses the actions instead of the one that learns");
+    visit("zero_outputs", settings.zero_outputs,
+          "the last layers start at zero: values at 0, a box's mean action in its middle, events alike");
 }
 
 /// An actor-critic network, its target, the temperature, and their optimisers.
@@ -134,8 +144,8 @@ struct ActorCriticState {
         parts.tensors["log_alpha"] = log_alpha.detach();
     }
 
-    /// losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, entropy, alpha} and
-    /// charts/{critic_gradient_norm, actor_gradient_norm}.
+    /// losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, entropy, alpha} and,
+    /// unless actor_period delays the actor, charts/{critic_gradient_norm, actor_gradient_norm}.
     template <class Losses>
     std::map<std::string, double> metrics(const Losses& losses) const {
         const auto mean = [](const torch::Tensor& x) { return x.mean().template item<double>(); };
@@ -144,6 +154,7 @@ struct ActorCriticState {
             {"losses/qf2_values", mean(losses.q2)},    {"losses/target_values", mean(losses.target_values)},
             {"losses/actor_loss", mean(losses.actor)}, {"losses/alpha_loss", mean(losses.alpha)},
             {"losses/entropy", mean(losses.entropy)},  {"losses/alpha", std::exp(mean(log_alpha.detach()))}};
+        if (adam.delays()) return values;  // the losses may be older than the gradients
         if (const auto norm = gradient_norm(critic)) values["charts/critic_gradient_norm"] = *norm;
         if (const auto norm = gradient_norm(actor)) values["charts/actor_gradient_norm"] = *norm;
         return values;

@@ -15,15 +15,15 @@ std::vector<std::int64_t> observation_shape(const AgentSpec& spec) {
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Box>(spec.action_space)) return;
     throw std::invalid_argument(std::string(who) +
-                                " acts in a box; this world has discrete actions: set env.action_space "
-                                "to continuous, and env.joystick not to factored");
+                                " chooses coordinates; this world has numbered actions: set env.action_space "
+                                "to continuous, and env.joystick to polar, cartesian or direction");
 }
 
 void require_discrete(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Discrete>(spec.action_space)) return;
     throw std::invalid_argument(
         std::string(who) +
-        " chooses among discrete actions; this world has the continuous joystick: set "
+        " chooses among numbered actions; this world has the continuous joystick's coordinates: set "
         "env.action_space to minimal or full, or env.joystick to factored");
 }
 

@@ -134,10 +134,12 @@ struct Der : QState {
     double epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
 
     std::map<std::string, double> metrics(const DerLosses& losses) const {
-        return {{"charts/gradient_norm", gradient_norm(network->parameters()).value_or(0)},
-                {config.distributional ? "losses/cross_entropy" : "losses/td_loss",
-                 losses.per_transition.mean().item<double>()},
-                {"losses/q_values", losses.q.mean().item<double>()}};
+        std::map<std::string, double> values{
+            {config.distributional ? "losses/cross_entropy" : "losses/td_loss",
+             losses.per_transition.mean().item<double>()},
+            {"losses/q_values", losses.q.mean().item<double>()}};
+        if (const auto norm = gradient_norm(network->parameters())) values["charts/gradient_norm"] = *norm;
+        return values;
     }
 
     QNoise draw(const at::Generator& random, std::int64_t rows = 1) {

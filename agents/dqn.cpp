@@ -60,9 +60,10 @@ struct Dqn : QState {
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }
 
     std::map<std::string, double> metrics(const DqnLosses& losses) const {
-        return {{"charts/gradient_norm", gradient_norm(network->parameters()).value_or(0)},
-                {"losses/td_loss", losses.loss.item<double>()},
-                {"losses/q_values", losses.q.mean().item<double>()}};
+        std::map<std::string, double> values{{"losses/td_loss", losses.loss.item<double>()},
+                                             {"losses/q_values", losses.q.mean().item<double>()}};
+        if (const auto norm = gradient_norm(network->parameters())) values["charts/gradient_norm"] = *norm;
+        return values;
     }
 
     DqnConfig config;

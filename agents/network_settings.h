@@ -17,7 +17,6 @@ struct NetworkSettings {
     std::int64_t hidden_layers = 1;
     std::int64_t hidden_units = 512;
     bool layer_norm = false;
-    bool zero_outputs = false;
 
     /// Returns the encoder's configuration for this world.
     EncoderConfig encoder_for(const AgentSpec& spec) const {
@@ -28,10 +27,7 @@ struct NetworkSettings {
     }
     /// Returns the configuration of the actor and of every critic.
     HeadConfig head() const {
-        HeadConfig config{
-            .hidden_layers = hidden_layers, .hidden_units = hidden_units, .layer_norm = layer_norm};
-        if (zero_outputs) config.initialise_out = zeros();
-        return config;
+        return {.hidden_layers = hidden_layers, .hidden_units = hidden_units, .layer_norm = layer_norm};
     }
 };
 
@@ -47,8 +43,6 @@ void fields(NetworkSettings& settings, Visit&& visit) {
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of a hidden layer");
     visit("layer_norm", settings.layer_norm,
           "normalise behind every dense layer but the last ones (Ba et al. 2016)");
-    visit("zero_outputs", settings.zero_outputs,
-          "the last layers start at zero, and with them values and mean actions");
 }
 
 }  // namespace cale

@@ -44,7 +44,6 @@ AgentReplay::AgentReplay(const ReplaySettings& settings, const AgentSpec& spec, 
       sampled_(buffer_->empty_batch(settings.batch_size)),
       copied_(spec.device.type()),
       random_(stream_seed(spec.seed, kReplay)) {
-    if (settings.normalise_rewards) reward_magnitude_ = torch::zeros({2}, torch::kFloat64);
     if (spec.device.is_cpu()) return;
     on_device_ = sampled_;  // `index` stays where it is
     for (const auto part : kDeviceParts) {
@@ -89,11 +88,6 @@ void AgentReplay::record(const StepBatch& batch) {
             experience.discrete_action = actions.const_data_ptr<std::int64_t>()[env];
         }
         if (result.truncated) experience.final_frame = frame_of(batch.final_frames);
-        if (reward_magnitude_.defined()) {
-            auto* const sum = reward_magnitude_.data_ptr<double>();
-            sum[0] += std::abs(experience.reward);
-            sum[1] += 1;
-        }
         buffer_->add(static_cast<std::int64_t>(env), experience);
     }
 }
@@ -118,10 +112,6 @@ Batch AgentReplay::sample() {
     {
         const Timed timed(time_.replay);
         buffer_->sample_into(sampled_, random_);
-        if (reward_magnitude_.defined()) {
-            const auto* const sum = reward_magnitude_.const_data_ptr<double>();
-            if (sum[0] > 0) sampled_.n_step_return.mul_(sum[1] / sum[0]);
-        }
     }
     if (spec_.device.is_cpu()) return sampled_;
     const Timed timed(time_.transfer);
@@ -141,7 +131,6 @@ void AgentReplay::set_priorities(const Batch& batch, const torch::Tensor& priori
 void AgentReplay::add_state(StateParts& parts) {
     parts.engines["random/replay"] = &random_;
     parts.counters["training_steps"] = &decisions_;
-    if (reward_magnitude_.defined()) parts.tensors["reward_magnitude"] = reward_magnitude_;
 }
 
 void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArrayRef action) {

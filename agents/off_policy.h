@@ -42,7 +42,6 @@ struct ReplaySettings {
     double reward_scale = 1;
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;
     bool replay_on_device = false;
-    bool normalise_rewards = false;
     std::int64_t random_shift = 0;
 };
 
@@ -63,8 +62,6 @@ void fields(ReplaySettings& settings, Visit&& visit) {
           "corrected: every transition once; dopamine: the reference's accumulator");
     visit("replay_on_device", settings.replay_on_device,
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
-    visit("normalise_rewards", settings.normalise_rewards,
-          "divide rewards by the mean of their absolute values so far");
     visit("random_shift", settings.random_shift, Range{0, 16},
           "every sampled observation is shifted by up to so many pixels either way; 0: off");
 }
@@ -112,7 +109,6 @@ class AgentReplay {
     c10::Event copied_;
     std::mt19937_64 random_;
     std::int64_t decisions_ = 0;
-    torch::Tensor reward_magnitude_;  // [2] float64: sum and number of |reward|; undefined if not normalised
     TimeSplit time_;
 };
 

@@ -15,7 +15,6 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
     head.factors = actions.factors;
     head.hidden_units = settings.hidden_units;
     head.layer_norm = settings.layer_norm;
-    head.zero_outputs = settings.zero_outputs;
     head.dueling = settings.dueling;
     return QNetwork(EncoderConfig{.encoder = settings.encoder,
                                   .observation = observation_shape(spec),

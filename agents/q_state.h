@@ -20,7 +20,6 @@ struct QSettings {
     Padding padding = Padding::same;
     std::int64_t hidden_units = 512;
     bool layer_norm = false;
-    bool zero_outputs = false;
     bool dueling = false;
     bool double_dqn = false;
     ReplaySettings replay{.reward_clip = 1};
@@ -41,7 +40,6 @@ void fields(QSettings& settings, Visit&& visit) {
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");
     visit("layer_norm", settings.layer_norm,
           "normalise behind the hidden layer, and behind those of mlp (Ba et al. 2016)");
-    visit("zero_outputs", settings.zero_outputs, "the last layers, unless noisy, start at zero");
     visit("dueling", settings.dueling, "a state's value and the actions' advantages apart");
     visit("double_dqn", settings.double_dqn,
           "the online network chooses the action that the target evaluates");

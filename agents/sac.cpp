@@ -59,13 +59,12 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
                      .target_values = y};
     if (!with_actor) return losses;
 
-    // Actor, SAC's equation 9, with its two Q-functions' minimum.
+    // Actor, SAC's equation 9.
     const auto policy = network->policy(features);
     const auto pi = sample(policy, noise.actor, network->box);
     const auto q_pi = network->values(critic_z.detach(), pi.action).estimate(config.twin_estimate);
     losses.actor = (alpha * pi.log_prob - q_pi).mean();
-    losses.mean_action = mean_action(policy, network->box).detach();
-    losses.log_std = policy.log_std.detach();
+    losses.policy = {policy.mean.detach(), policy.log_std.detach()};
 
     // Temperature, SAC's equation 18, with log alpha in alpha's place, as its authors' code has it.
     losses.entropy = -pi.log_prob.detach();
@@ -83,7 +82,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 // Agent -------------------------------------------------------------------------------
 
 SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator) {
-    return SacNetwork(config.network.encoder_for(spec), config.network.head(), generator,
+    return SacNetwork(config.network.encoder_for(spec), config.head(), generator,
                       action_box(spec.action_space));
 }
 
@@ -101,17 +100,17 @@ struct Sac : ActorCriticState<SacNetwork> {
           box(exploration_box(space, settings.random_actions)) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const auto count = observations.size(0);
+        const auto count = observations.size(0), axes = box.centre.size(0);
         if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);
-        const auto noise =
-            now.training() ? torch::randn({count, box_size(space)}, now.random) : torch::Tensor();
+        const auto noise = now.training() ? torch::randn({count, axes}, now.random) : torch::Tensor();
         const auto policy = acting()->policy(acting()->encoder->trunk(observations));
         const auto actions = now.training()
                                  ? sample(policy, noise.to(observations.device()), network->box).action
                                  : mean_action(policy, network->box);
         require_finite(actions);
         if (config.exploration == Exploration::standard) return actions.cpu();
-        return epsilon_greedy(actions.cpu(), now.epsilon, box, now.random);
+        return epsilon_greedy(actions.cpu(), now.epsilon, now.training() ? box : action_box(space),
+                              now.random);
     }
 
     SacLosses learn(const Batch& batch, const at::Generator& random, bool with_actor = true) {
@@ -122,14 +121,14 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     std::map<std::string, double> metrics(const SacLosses& losses) const {
         auto values = ActorCriticState::metrics(losses);
-        add_mean_action(values, space, losses.mean_action.mean(0));
-        values["charts/mean_log_std"] = losses.log_std.mean().item<double>();
+        add_mean_action(values, space, mean_action(losses.policy, network->box).mean(0));
+        values["charts/mean_log_std"] = losses.policy.log_std.mean().item<double>();
         return values;
     }
 
     SacConfig config;
     ActionSpace space;
-    ActionBox box;  // on the CPU
+    ActionBox box;  // of random actions in training, on the CPU
 };
 
 }  // namespace

@@ -1,12 +1,10 @@
 // Soft Actor-Critic on the continuous joystick.
 //   Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications" (SAC below)
 //   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment" (CALE below)
-// The pieces that CALE's agent has and the first paper has not: one convolutional trunk for
-// actor and critics that only the critics train, one optimiser for both, and a target whose
-// action value is taken at the target actor's mean action.
+// CALE's agent beside SAC's: one trunk for actor and critics that only the critics train, one optimiser for
+// both, and a target whose action value is taken at the target actor's mean action.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -43,7 +41,7 @@ void fields(SacConfig& config, Visit&& visit) {
           "target_mean_action: value of the target actor's mean action; sampled_action: of the online "
           "actor's sample, as in Haarnoja et al.");
     visit("random_actions", config.random_actions,
-          "in the warm-up and by epsilon; box: uniform in it; events: uniform over the 18 joystick events");
+          "in the warm-up and by epsilon, in training; events: among the 18 of the joystick");
 }
 
 /// Standard normal numbers of one update, [B, A] each.
@@ -52,17 +50,15 @@ struct SacNoise {
     torch::Tensor actor;   // for the action at the state
 };
 
-/// The first three are means over the batch and carry gradients; the rest is for the log. Of the critics
-/// alone: critic, q1, q2 and target_values.
+/// Of the critics alone: critic, q1, q2 and target_values.
 struct SacLosses {
-    torch::Tensor critic;            // [] J_Q, without the factor 1/2
-    torch::Tensor actor = {};        // [] J_pi
-    torch::Tensor alpha = {};        // [] J_alpha
-    torch::Tensor q1, q2;            // [B] values of the stored actions
-    torch::Tensor target_values;     // [B] y
-    torch::Tensor entropy = {};      // [B] -log pi of the actor's own sample
-    torch::Tensor mean_action = {};  // [B, A] of the actor
-    torch::Tensor log_std = {};      // [B, A] of the actor, before the tanh
+    torch::Tensor critic;          // [] J_Q without the factor 1/2; [] are means with gradients
+    torch::Tensor actor = {};      // [] J_pi
+    torch::Tensor alpha = {};      // [] J_alpha
+    torch::Tensor q1, q2;          // [B] values of the stored actions
+    torch::Tensor target_values;   // [B] y
+    torch::Tensor entropy = {};    // [B] -log pi of the actor's own sample
+    SquashedGaussian policy = {};  // the actor's
 };
 
 /// A pure function of its arguments. `log_alpha` is [1]. Without the actor, the losses of the critics alone.
@@ -71,15 +67,12 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
                      const Batch& batch, const SacNoise& noise, const SacConfig& config,
                      bool with_actor = true);
 
-/// One gradient step on these losses, then the target follows. Returns the losses before the
-/// step, without their graphs; the gradients stay in the parameters until the next call.
+/// One gradient step on these losses, then the target follows. Returns the losses before it, without graphs.
 SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, const SacNoise& noise,
                      const SacConfig& config, bool with_actor = true);
 
-/// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
-/// charts/{learning_rate, epsilon, mean_<coordinate>, mean_log_std, critic_gradient_norm,
-/// actor_gradient_norm}. State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
-/// training_steps, random/....
+/// Tags: ActorCriticState's, charts/{learning_rate, epsilon, mean_<coordinate>, mean_log_std}.
+/// State: ActorCriticState's, training_steps, random/....
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
 /// Returns its network for such a world, on the CPU.

@@ -76,8 +76,8 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 // Agent -------------------------------------------------------------------------------
 
 SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator) {
-    return SacdNetwork(config.network.encoder_for(spec), config.network.head(),
-                       num_actions(spec.action_space), generator);
+    return SacdNetwork(config.network.encoder_for(spec), config.head(), num_actions(spec.action_space),
+                       generator);
 }
 
 namespace {

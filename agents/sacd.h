@@ -72,7 +72,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 /// charts/{learning_rate, epsilon, critic_gradient_norm, actor_gradient_norm}.
 /// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
 /// training_steps, random/....
-/// Throws std::invalid_argument for a world with the continuous joystick.
+/// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
 /// Returns its network for such a world, on the CPU.
 SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator);

@@ -61,6 +61,14 @@ std::span<const std::string_view> names_of(PaddleStrength) {
 
 ActionSpace action_space(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous) return joystick_space(config.joystick);
+    if (config.joystick != Joystick::polar) {
+        throw std::invalid_argument(
+            "env.joystick=" +
+            std::string(names_of(config.joystick)[static_cast<std::size_t>(config.joystick)]) +
+            " needs env.action_space=continuous, and that is " +
+            std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
+            ": set it to continuous, or leave env.joystick at polar");
+    }
     return Discrete{kEventCount};
 }
 
@@ -87,7 +95,7 @@ EnvConfig protocol_atari100k(std::string game) {
 
 struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
-        : config((check_ranges(env_config), env_config)),
+        : config((check_ranges(env_config), action_space(env_config), env_config)),
           emulator(find_game(config.game), find_rom(config.game, config.rom_dir),
                    static_cast<float>(config.sticky_probability), seed),
           frames(emulator.screen_height(), emulator.gray_palette()),

@@ -36,14 +36,15 @@ const RandomPlay& joystick_random(std::string_view game, std::string_view protoc
 
 /// The measurement that a run in this environment compares with: "200m" at sticky probability 0.25,
 /// "atari100k" at 0. None for discrete actions, whose baseline is Game::random_score, and for a joystick or
-/// rules that were not measured: another threshold, event map, frame skip or stickiness, paddles scaled by r
-/// in Pong and Breakout, games cut off before 100,000 frames or after 108,000. Whether a lost life ends the
-/// agent's episode does not matter to whole games.
+/// rules that were not measured: another env.joystick, threshold, event map, frame skip or stickiness,
+/// paddles scaled by r in Pong and Breakout, games cut off before 100,000 frames or after 108,000. Whether a
+/// lost life ends the agent's episode does not matter to whole games.
 std::optional<RandomPlay> joystick_random(const EnvConfig& config);
 
 /// The mean return of random play with the actions of this environment, which a score is compared with: of
-/// the joystick where actions are continuous, else the published Game::random_score. (Human-normalised scores
-/// always take the latter, so that they can be compared with published ones.) None where it is not known.
+/// the joystick where actions are coordinates, else the published Game::random_score. (Human-normalised
+/// scores always take the latter, so that they can be compared with published ones.) None where it is not
+/// known.
 std::optional<double> random_floor(const EnvConfig& config);
 
 }  // namespace cale

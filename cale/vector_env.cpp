@@ -102,7 +102,6 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
         : joystick(config.joystick),
-          sticks(seeds.size()),
           frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
           observation_space(cale::observation_space(config)),
           envs(seeds.size()),
@@ -142,16 +141,16 @@ struct VectorEnv::Impl {
         if (first != nullptr) std::rethrow_exception(first);
     }
 
-    template <class Action>
-    void step(std::span<const Action> actions, std::span<std::uint8_t> frames,
-              std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
-        require_size(actions.size(), envs.size(), "actions");
+    /// `action_of` returns the action of environment i.
+    template <class ActionOf>
+    void step(ActionOf&& action_of, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
+              std::span<StepResult> results) {
         require_size(frames.size(), envs.size() * frame_size, "bytes for the frames");
         require_size(final_frames.size(), envs.size() * frame_size, "bytes for the final frames");
         require_size(results.size(), envs.size(), "step results");
         for_each_env([&](std::size_t i) {
             const auto frame = frames.subspan(i * frame_size, frame_size);
-            results[i] = envs[i]->step(actions[i], frame);
+            results[i] = envs[i]->step(action_of(i), frame);
             if (!results[i].episode_over) return;
             std::ranges::copy(frame, final_frames.subspan(i * frame_size, frame_size).begin());
             envs[i]->reset(frame);
@@ -159,8 +158,7 @@ struct VectorEnv::Impl {
     }
 
     Joystick joystick;
-    std::vector<ContinuousAction> sticks;  // of the step under way
-    std::size_t frame_size;                // bytes
+    std::size_t frame_size;  // bytes
     ObservationSpace observation_space;
     std::vector<std::optional<Env>> envs;  // empty only until their threads have made them
     std::vector<std::exception_ptr> errors;
@@ -238,25 +236,31 @@ void VectorEnv::reset(std::span<std::uint8_t> frames) {
 
 void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
-    impl_->step(actions, frames, final_frames, results);
+    require_size(actions.size(), impl_->envs.size(), "actions");
+    impl_->step([&](std::size_t i) { return actions[i]; }, frames, final_frames, results);
 }
 
 void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
     const auto count = impl_->envs.size();
-    auto& sticks = impl_->sticks;
-    if (const auto* numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
-        if (!this->actions().empty()) return impl_->step(*numbers, frames, final_frames, results);
-        require_size(numbers->size(), count, "actions");
-        for (std::size_t i = 0; i < count; ++i) sticks[i] = factored_stick((*numbers)[i]);
-    } else {
-        const auto coordinates = std::get<std::span<const float>>(actions);
-        const auto size = stick_coordinates(impl_->joystick).size();
-        require_size(coordinates.size(), size * count, "coordinates of actions");
-        for (std::size_t i = 0; i < count; ++i)
-            sticks[i] = stick(impl_->joystick, coordinates.subspan(i * size, size));
+    const auto joystick = impl_->joystick;
+    const bool events = !this->actions().empty(), factored = !events && joystick == Joystick::factored;
+    const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions);
+    if ((numbers != nullptr) != (events || factored)) {
+        throw std::invalid_argument(
+            numbers != nullptr ? "this world's actions are coordinates of the joystick, not numbers"
+                               : "this world's actions are numbers, not coordinates of the joystick");
     }
-    step(std::span<const ContinuousAction>(sticks), frames, final_frames, results);
+    const auto step = [&](auto&& action_of) { impl_->step(action_of, frames, final_frames, results); };
+    if (numbers != nullptr) {
+        require_size(numbers->size(), count, "actions");
+        if (events) return step([&](std::size_t i) { return (*numbers)[i]; });
+        return step([&](std::size_t i) { return factored_stick((*numbers)[i]); });
+    }
+    const auto coordinates = std::get<std::span<const float>>(actions);
+    const auto size = stick_coordinates(joystick).size();
+    require_size(coordinates.size(), size * count, "coordinates of actions");
+    step([&](std::size_t i) { return stick(joystick, coordinates.subspan(i * size, size)); });
 }
 
 }  // namespace cale

@@ -59,8 +59,9 @@ class VectorEnv final : public World {
     /// environments have finished the step; nothing hangs.
     void step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
               std::span<std::uint8_t> final_frames, std::span<StepResult> results);
-    /// The same with indices into actions(), or with vectors (r, theta, fire). Throws std::out_of_range for
-    /// an invalid index.
+    /// The same with what action_space() describes: indices into actions(), coordinates of
+    /// EnvConfig::joystick, or numbers of its factored actions. Throws std::out_of_range for an invalid
+    /// index, and std::invalid_argument for the other kind of actions.
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override;
 

@@ -47,13 +47,14 @@ class Film {
     std::optional<VideoWriter> writer_;
 };
 
-ContinuousAction random_joystick(std::mt19937& random) {
-    const auto between = [&random](float low, float high) {
-        return std::uniform_real_distribution<float>(low, high)(random);
-    };
-    constexpr auto kPi = std::numbers::pi_v<float>;
-    const float radius = between(0, 1), theta = between(-kPi, kPi), fire = between(0, 1);
-    return {radius, theta, fire};
+/// Uniform over the coordinates of `joystick`, or over the actions of `factored`.
+ContinuousAction random_stick(Joystick joystick, std::mt19937& random) {
+    if (joystick == Joystick::factored)
+        return factored_stick(std::uniform_int_distribution<std::int64_t>(0, kEventCount - 1)(random));
+    std::vector<float> action;
+    for (const auto& [name, low, high] : stick_coordinates(joystick))
+        action.push_back(std::uniform_real_distribution<float>(low, high)(random));
+    return stick(joystick, action);
 }
 
 /// One game, from its beginning to its end.
@@ -88,7 +89,8 @@ class GameInPlay {
         StepResult step;
         const bool at_random = epsilon_ > 0 && std::uniform_real_distribution<double>()(noise_) < epsilon_;
         if (env_.actions().empty()) {
-            joystick = at_random ? random_joystick(noise_) : chosen_stick(joystick_, chosen.actions, i);
+            joystick =
+                at_random ? random_stick(joystick_, noise_) : chosen_stick(joystick_, chosen.actions, i);
             step = env_.step(*joystick, frame_);
         } else {
             std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env_.actions()) - 1);

@@ -62,8 +62,12 @@ std::string evaluation_text(const EvaluationReport& report) {
     line("protocol", fmt::format("{}, seed {}, {}, epsilon {}, {} no-ops at the start", protocol, plan.seed,
                                  sampled ? "sampled" : "greedy", plan.epsilon,
                                  plan.env.noop_max == 0 ? "no" : fmt::format("0 to {}", plan.env.noop_max)));
+    const auto joystick =
+        plan.env.joystick == Joystick::polar
+            ? ""
+            : fmt::format(", {} joystick", names_of(Joystick{})[static_cast<std::size_t>(plan.env.joystick)]);
     line("environment",
-         fmt::format("sticky {}, threshold {}", plan.env.sticky_probability, plan.env.threshold));
+         fmt::format("sticky {}, threshold {}{}", plan.env.sticky_probability, plan.env.threshold, joystick));
 
     std::int64_t length = 0, frames = 0;
     for (const auto& game : evaluation.games) {

@@ -47,8 +47,9 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     }
     if (continuous && env.joystick != policy.joystick) {
         throw std::invalid_argument(
-            fmt::format("this policy moves the joystick in other coordinates than env.joystick={}: leave "
-                        "that setting as it was",
+            fmt::format("this policy was trained with env.joystick={} and cannot act in one of {}: leave "
+                        "env.joystick out",
+                        names_of(env.joystick)[static_cast<std::size_t>(policy.joystick)],
                         names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]));
     }
     if (continuous) return;

@@ -1,6 +1,7 @@
 #include "networks/adam.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -114,7 +115,8 @@ std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters
     const torch::NoGradGuard no_grad;
     const auto gradients = gradients_of(parameters);
     if (!std::ranges::all_of(gradients, &torch::Tensor::defined)) return std::nullopt;
-    return global_norm(gradients).item<double>();
+    const auto norm = global_norm(gradients).item<double>();
+    return std::isfinite(norm) ? std::optional(norm) : std::nullopt;
 }
 
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum) {

@@ -35,6 +35,7 @@ class Adam {
     /// One step along the parameters' gradients, which must all be there; without the delayed parameters,
     /// along those of the others. Throws std::logic_error if not.
     void step(bool with_delayed = true);
+    bool delays() const { return delayed_steps_.defined(); }  // whether delay() was called
     /// Forgets the gradients.
     void zero_grad();
 
@@ -63,7 +64,8 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
 /// wait for the device. Returns the norm before: [].
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum);
 
-/// Returns the global norm of the gradients that `parameters` have; none where one of them has none.
+/// Returns the global norm of the gradients that `parameters` have; none where one of them has none, or where
+/// it is no finite number.
 std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters);
 
 /// target = online, in place.

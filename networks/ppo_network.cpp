@@ -45,12 +45,22 @@ SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
     return {mean, log_std.expand_as(mean)};
 }
 
+namespace {
+
+Layers shared_layers(std::int64_t size, bool layer_norm) {
+    Layers layers{Layer::dense("fc", size)};
+    if (layer_norm) layers.push_back(Layer::layer_norm("ln"));
+    layers.push_back(Layer::of(Layer::Kind::relu));
+    return layers;
+}
+
+}  // namespace
+
 SharedEncoderImpl::SharedEncoderImpl(const EncoderConfig& config, std::int64_t size,
                                      const Initialiser& initialise, const at::Generator& generator)
-    : layers(chain({trunk_layers(config), {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}})),
+    : layers(chain({trunk_layers(config), shared_layers(size, config.layer_norm)})),
       trunk_(*this, config, generator),
-      shared_(*this, {Layer::dense("fc", size), Layer::of(Layer::Kind::relu)}, {trunk_.features()},
-              initialise, generator) {}
+      shared_(*this, shared_layers(size, config.layer_norm), {trunk_.features()}, initialise, generator) {}
 
 torch::Tensor SharedEncoderImpl::forward(const torch::Tensor& observation) {
     return shared_(trunk_(observation));

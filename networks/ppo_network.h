@@ -22,7 +22,8 @@ namespace cale {
 enum class Torso { two_branch, shared };
 std::span<const std::string_view> names_of(Torso);
 
-/// A trunk and Dense `size` with ReLU: the features that a policy and a value share and both train.
+/// A trunk and Dense `size` with ReLU, normalised before it where EncoderConfig::layer_norm: the features
+/// that a policy and a value share and both train.
 class SharedEncoderImpl : public torch::nn::Module {
   public:
     SharedEncoderImpl(const EncoderConfig& config, std::int64_t size, const Initialiser& initialise,

@@ -50,25 +50,30 @@ QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator g
             std::to_string(config.num_actions) + ", " + std::to_string(config.hidden_units) + " and " +
             std::to_string(config.num_atoms));
     }
+    const auto product =
+        std::reduce(config.factors.begin(), config.factors.end(), std::int64_t{1}, std::multiplies());
+    if (!config.factors.empty() && product != config.num_actions) {
+        throw std::invalid_argument("a head's factors have a product of " + std::to_string(product) +
+                                    ", and it has " + std::to_string(config.num_actions) + " actions");
+    }
     const auto out = choices_ * config.num_atoms;
     if (!config.factors.empty()) combine_ = register_buffer("combine", factor_means(config.factors));
-    fc1_ = add_layer("fc1", in, config.hidden_units, glorot_uniform(), generator);
+    fc1_ = add_layer("fc1", in, config.hidden_units, generator);
     if (config.layer_norm) {
         const auto options = torch::nn::LayerNormOptions({config.hidden_units}).eps(kLayerNormEpsilon);
         norm_ = register_module("ln1", torch::nn::LayerNorm(options));
     }
-    const auto last = config.zero_outputs ? zeros() : glorot_uniform();
-    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, last, generator);
-    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, last, generator);
+    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, generator);
+    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, generator);
 }
 
 QHeadImpl::Layer QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out,
-                                      const Initialiser& initialise, at::Generator generator) {
+                                      at::Generator generator) {
     Layer layer;
     if (config_.noisy) {
         layer.noisy = register_module(name, NoisyDense(in, out, config_.initial_sigma, generator));
     } else {
-        layer.plain = register_module(name, Dense(in, out, initialise, generator));
+        layer.plain = register_module(name, Dense(in, out, glorot_uniform(), generator));
     }
     return layer;
 }

@@ -28,8 +28,7 @@ struct QHeadConfig {
     double value_limit = 10;  // the atoms of a distribution are returns from -value_limit to value_limit
     /// Discrete::factors: an action's output is then the mean of its choices' outputs, one for each set.
     std::vector<std::int64_t> factors = {};
-    bool layer_norm = false;    // before the hidden layer's activation
-    bool zero_outputs = false;  // the last layers, unless noisy, start at zero
+    bool layer_norm = false;  // before the hidden layer's activation
 };
 
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
@@ -73,8 +72,7 @@ class QHeadImpl : public torch::nn::Module {
         NoisyDense noisy{nullptr};
         torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise) const;
     };
-    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, const Initialiser& initialise,
-                    at::Generator generator);
+    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
 
     QHeadConfig config_;
     std::int64_t in_;

@@ -31,14 +31,14 @@ typedef struct {
     float radius;   /* [0, 1] */
     float theta;    /* [-pi, pi], counter-clockwise, 0 points right */
     float fire;     /* [0, 1] */
-    int32_t action; /* number of a discrete action, -1: the continuous joystick */
+    int32_t action; /* number of an action, -1: coordinates of the joystick */
     int32_t event;  /* the joystick event, as ALE numbers its actions: 0 to 17 */
     float strength; /* how far a paddle moves: 0 to 1 */
 } cale_decision;
 
 /* What a policy is made for. */
 typedef struct {
-    int32_t num_actions;            /* 0: the continuous joystick */
+    int32_t num_actions;            /* 0: coordinates of the joystick */
     int32_t stack;                  /* frames of an observation */
     int32_t frame_height;           /* rows */
     int32_t frame_width;            /* columns */

@@ -77,13 +77,13 @@ struct Head {
         values,             // head.out, or head.adv and head.value where dueling: action values
     };
     Kind kind = Kind::squashed_gaussian;
-    std::int64_t num_actions = 0;  // 0: coordinates of the continuous joystick
+    std::int64_t num_actions = 0;  // 0: coordinates of the joystick
     bool dueling = false;          // of values: the actions' advantages and the state's value apart
     std::int64_t num_atoms = 1;    // of values: more than one is a distribution (C51) ...
     double value_limit = 10;       // ... over returns from -value_limit to value_limit
     std::int64_t axes = 3;         // of the Gaussians: coordinates of an action
 
-    /// Whether it acts on the continuous joystick.
+    /// Whether it acts by coordinates of the joystick.
     bool continuous() const { return kind == Kind::squashed_gaussian || kind == Kind::gaussian; }
     bool operator==(const Head&) const = default;
 };

@@ -14,7 +14,9 @@ namespace cale {
 namespace {
 
 constexpr std::string_view kFormat = "cale_policy";
-constexpr std::string_view kVersion = "2";  // what is written; version 1 is read too
+// Version 2 is version 3 without the text `joystick`, which says what the coordinates of an action are; it is
+// written for policies that need none. Version 1 is read, too.
+constexpr std::string_view kVersion = "3", kVersionOfPolar = "2";
 constexpr std::string_view kChecksum = "checksum";
 constexpr std::string_view kGoldenObservation = "golden.observation";
 constexpr std::string_view kGoldenOutput = "golden.output";
@@ -128,16 +130,18 @@ PolicyFile parse_policy_file(std::string_view contents) {
     if (!texts.contains(std::string(kFormat)))
         throw FileDamage("it is a safetensors file, but not a policy that cale export made");
     const auto version = take_text(texts, kFormat);
-    if (version != "1" && version != kVersion) {
-        throw FileDamage({"its format is version ", in_quotes(version),
-                          ", this program reads version 1 and version ", kVersion});
+    if (version != "1" && version != kVersionOfPolar && version != kVersion) {
+        throw FileDamage(
+            {"its format is version ", in_quotes(version), ", this program reads versions 1 to ", kVersion});
     }
+    if (texts.contains("joystick") != (version == kVersion))
+        throw FileDamage("version 3 is that of files with a text 'joystick', and no other is");
     if (take_text(texts, kChecksum) != policy_checksum(stored.metadata, stored.tensors))
         throw FileDamage("its checksum is not that of its contents: it was damaged or changed");
 
     PolicyFile policy;
     auto& [info, network, weights, golden] = policy;
-    read_texts(texts, version == kVersion ? 2 : 1, info, network);
+    read_texts(texts, version == "1" ? 1 : 2, info, network);
     info.provenance = std::move(texts);
 
     const auto parameters = stored_parameters(network);
@@ -149,7 +153,7 @@ PolicyFile parse_policy_file(std::string_view contents) {
 
 std::map<std::string, std::string> policy_file_texts(const PolicyFile& policy) {
     auto texts = texts_of(policy.info, policy.network);
-    texts.emplace(kFormat, kVersion);
+    texts.emplace(kFormat, texts.contains("joystick") ? kVersion : kVersionOfPolar);
     for (const auto& [key, text] : policy.info.provenance) {
         if (key == kChecksum || !texts.emplace(key, text).second)
             throw std::invalid_argument(joined({"provenance cannot be called '", key, "'"}));

@@ -47,9 +47,9 @@ class Policy {
     static Policy parse(std::string_view contents, const std::string& name = "policy");
 
     const PolicyInfo& info() const;  // all but the weights
-    /// Numbers that the network gives for an observation: 6 for the continuous joystick (the means of the
-    /// Gaussian before the tanh, then the logarithms of its standard deviations), else one per action:
-    /// log-probabilities, or action values.
+    /// Numbers that the network gives for an observation: 2 A for the A coordinates of the joystick (the
+    /// means of the Gaussian before the tanh, then the logarithms of its standard deviations), else one per
+    /// action: log-probabilities, or action values.
     std::size_t output_size() const;
 
     /// Memory for one thread that acts with this policy.

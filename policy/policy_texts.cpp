@@ -153,7 +153,9 @@ void check_actions(const PolicyInfo& info, const Head& head) {
     if (coordinates != head.continuous())
         throw FileDamage({"its network's head does not act on the action space '", space, "'"});
     if (coordinates && head.axes != std::ssize(stick_coordinates(info.joystick)))
-        throw FileDamage("its network's head has another number of coordinates than its joystick");
+        throw FileDamage({"its network's head has ", std::to_string(head.axes),
+                          " coordinates, and its joystick ",
+                          std::to_string(stick_coordinates(info.joystick).size())});
     if (coordinates != info.actions.empty()) {
         throw FileDamage({"the action space '", space, "' ",
                           (coordinates ? "has no list of actions" : "needs a list of actions")});

@@ -521,11 +521,9 @@ std::vector<Figure> game_figures(const Comparison& comparison) {
                        event_figure(comparison)});
     }
     if (!rows_with(comparison, has_zones).empty()) {
-        all.push_back(
-            {"zones", "Zones over the training",
-             "Where the agents held the joystick, from the beginning of the training to its end. An "
-             "agent whose picture loses its colours has stopped to explore.",
-             zone_figure(comparison)});
+        all.push_back({"zones", "Zones over the training",
+                       "Where the agents held the joystick, from the beginning of the training to its end.",
+                       zone_figure(comparison)});
     }
     if (!rows_with(comparison, has_rewards).empty()) {
         all.push_back({"rewards", "Rewards", "How rewards are distributed over the steps of an evaluation.",

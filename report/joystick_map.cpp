@@ -128,27 +128,59 @@ std::vector<JoystickRegion> joystick_regions(double threshold) {
     return regions;
 }
 
-std::vector<double> event_shares_of_random_actions(double threshold) {
-    constexpr int kRadii = 500, kAngles = 1440;
-    std::vector<double> shares(kEventCount, 0.0);
-    for (int i = 0; i < kRadii; ++i) {
-        const double radius = (i + 0.5) / kRadii;
-        for (int j = 0; j < kAngles; ++j) {
-            const double angle = 2 * kPi * (j + 0.5) / kAngles;
-            const Point stick{radius * std::cos(angle), radius * std::sin(angle)};
-            const double part = 1.0 / (kRadii * kAngles);
-            shares[static_cast<std::size_t>(event_at(stick, false, threshold))] += part * threshold;
-            shares[static_cast<std::size_t>(event_at(stick, true, threshold))] += part * (1 - threshold);
-        }
+namespace {
+
+/// Calls `visit` with a joystick in every cell of a grid over the coordinates of `joystick`, the button
+/// aside, and with the cell's part of all. The grid is so fine that shares are right to a tenth of a per
+/// cent.
+template <class Visit>
+void visit_positions(Joystick joystick, Visit&& visit) {
+    if (joystick == Joystick::factored) {
+        for (std::int64_t action = 0; action < kEventCount; action += 2)
+            visit(factored_stick(action), 2.0 / kEventCount);
+        return;
     }
+    const auto coordinates = stick_coordinates(joystick);
+    const std::size_t axes = coordinates.size() - 1;  // without fire
+    const std::size_t cells = axes == 2 ? 1000 : 100;
+    std::vector<float> action(axes + 1, 0.0F);
+    std::size_t count = 1;
+    for (std::size_t axis = 0; axis < axes; ++axis) count *= cells;
+    for (std::size_t cell = 0; cell < count; ++cell) {
+        for (std::size_t axis = 0, rest = cell; axis < axes; ++axis, rest /= cells) {
+            const auto& [name, low, high] = coordinates[axis];
+            const double part = (static_cast<double>(rest % cells) + 0.5) / static_cast<double>(cells);
+            action[axis] = static_cast<float>(low + part * (high - low));
+        }
+        visit(stick(joystick, action), 1.0 / static_cast<double>(count));
+    }
+}
+
+std::string title_of(double threshold, Joystick joystick) {
+    return fmt::format("Joystick events at threshold {:g}, {} actions", threshold,
+                       names_of(joystick)[static_cast<std::size_t>(joystick)]);
+}
+
+}  // namespace
+
+std::vector<double> event_shares_of_random_actions(double threshold, Joystick joystick) {
+    const double pressed = joystick == Joystick::factored ? 0.5 : 1 - threshold;
+    std::vector<double> shares(kEventCount, 0.0);
+    visit_positions(joystick, [&](ContinuousAction action, double part) {
+        for (const bool fire : {false, true}) {
+            action.fire = fire ? 1 : 0;
+            const auto event = joystick_event(action, static_cast<float>(threshold));
+            shares[static_cast<std::size_t>(event)] += part * (fire ? pressed : 1 - pressed);
+        }
+    });
     return shares;
 }
 
-Picture joystick_map(double threshold) {
+Picture joystick_map(double threshold, Joystick joystick) {
     constexpr double kRadius = 150, kRoom = 130, kTop = 130;
     constexpr double kCell = 2 * (kRadius + kRoom);
-    const auto shares = event_shares_of_random_actions(threshold);
-    Picture picture = titled_picture(fmt::format("Joystick events at threshold {:g}", threshold), 2 * kCell);
+    const auto shares = event_shares_of_random_actions(threshold, joystick);
+    Picture picture = titled_picture(title_of(threshold, joystick), 2 * kCell);
     for (const bool fire : {false, true}) {
         const Point centre{kCell * (fire ? 1.5 : 0.5), kTop + kRadius};
         picture.words.push_back(
@@ -163,17 +195,17 @@ Picture joystick_map(double threshold) {
     finish_picture(
         picture, kTop + 2 * kRadius + 50,
         "The disc of the stick: its distance from the centre is r, its angle theta, counter-clockwise "
-        "from the right. Percentages: the part of uniformly random actions (r, theta, fire).");
+        "from the right. Percentages: the part of uniformly random actions in the agent's coordinates.");
     return picture;
 }
 
-std::string joystick_map_text(double threshold) {
+std::string joystick_map_text(double threshold, Joystick joystick) {
     constexpr int kRows = 21, kColumns = 43;  // a character is about twice as high as it is wide
     const auto sign = [](Point direction) {
         constexpr std::array<std::string_view, 3> kSigns{"/v\\", "<.>", "\\^/"};
         return kSigns[static_cast<std::size_t>(direction.y + 1)][static_cast<std::size_t>(direction.x + 1)];
     };
-    std::string text = fmt::format("Joystick events at threshold {:g}\n\n", threshold);
+    std::string text = title_of(threshold, joystick) + "\n\n";
     for (int row = 0; row < kRows; ++row) {
         std::string line;
         for (int column = 0; column < kColumns; ++column) {
@@ -184,7 +216,7 @@ std::string joystick_map_text(double threshold) {
         text += "  " + line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
     }
     text += fmt::format("\nof uniformly random actions   fire up to {0:g}       fire > {0:g}\n", threshold);
-    const auto shares = event_shares_of_random_actions(threshold);
+    const auto shares = event_shares_of_random_actions(threshold, joystick);
     for (int i = 0; i < kEventCount; ++i) {
         const auto event = static_cast<Event>(i);
         if (event_name(event).find("FIRE") != std::string_view::npos) continue;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cale/action.h"
+#include "cale/joystick.h"
 #include "report/picture.h"
 
 namespace cale {
@@ -19,13 +20,13 @@ struct JoystickRegion {
 /// no action reaches are missing: the corners from sqrt(1/2) on. The event is joystick_event()'s.
 std::vector<JoystickRegion> joystick_regions(double threshold);
 
-/// The part of uniformly random actions that stand for each event, by Event.
-std::vector<double> event_shares_of_random_actions(double threshold);
+/// The part of uniformly random actions in the coordinates of `joystick` that stand for each event, by Event.
+std::vector<double> event_shares_of_random_actions(double threshold, Joystick joystick = Joystick::polar);
 
 /// The disc without fire and with it, every region with its event and its part of random actions.
-Picture joystick_map(double threshold);
+Picture joystick_map(double threshold, Joystick joystick = Joystick::polar);
 
 /// The same for a terminal.
-std::string joystick_map_text(double threshold);
+std::string joystick_map_text(double threshold, Joystick joystick = Joystick::polar);
 
 }  // namespace cale

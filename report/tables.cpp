@@ -122,7 +122,11 @@ std::string protocol_text(const EnvConfig& env) {
 std::string action_space_text(const EnvConfig& env) {
     const auto name = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
     if (env.action_space != ActionSet::continuous) return fmt::format("discrete, {}", name);
-    return fmt::format("joystick, threshold {:g}", env.threshold);
+    const auto coordinates =
+        env.joystick == Joystick::polar
+            ? ""
+            : fmt::format(" {}", names_of(Joystick{})[static_cast<std::size_t>(env.joystick)]);
+    return fmt::format("joystick{}, threshold {:g}", coordinates, env.threshold);
 }
 
 Table settings_by_group(const Comparison& comparison, const std::vector<SettingRow>& settings) {
@@ -247,6 +251,7 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
     CsvWriter scores("game_scores.csv", {"group", "game", "runs", "mean", "low", "high"});
     CsvWriter curves("game_curves.csv", {"group", "game", "step", "mean", "low", "high"});
     CsvWriter events("events.csv", {"group", "game", "event", "share"});
+    CsvWriter zones("zones.csv", {"group", "game", "step", "zone", "share"});
     CsvWriter rewards("rewards.csv", {"group", "game", "quantile", "reward"});
     for (const auto& group : comparison.results) {
         for (const auto& game : group.games) {
@@ -261,6 +266,9 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
             }
             for (std::size_t i = 0; i < game.event_shares.size(); ++i)
                 events.row(group.label, name, event_name(static_cast<Event>(i)), game.event_shares[i]);
+            for (const auto& [step, shares] : game.zones)
+                for (std::size_t i = 0; i < shares.size(); ++i)
+                    zones.row(group.label, name, step, kZones[i], shares[i]);
             for (const auto& [quantile, reward] : game.reward_quantiles)
                 rewards.row(group.label, name, quantile, reward);
         }
@@ -273,6 +281,7 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
     scores.add_to(files);
     curves.add_to(files);
     events.add_to(files);
+    zones.add_to(files);
     rewards.add_to(files);
 }
 

@@ -579,6 +579,8 @@ std::vector<ConfigDifference> ConfigTable::differences(const std::filesystem::pa
         for (std::size_t i = 0; i < entries_.size(); ++i) entries_[i].set(here[i]);
     };
     try {
+        // A file that an older version wrote lacks the settings that are newer: it ran with their defaults.
+        for (auto& entry : entries_) entry.set(entry.default_text);
         load(file);
     } catch (...) {
         restore();

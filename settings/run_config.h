@@ -116,6 +116,8 @@ ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     table.add("env", config.env);
     if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
         table.check("env.game", [](const std::string& game) { find_game(game); });
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
+        table.add_rule([&config] { action_space(config.env); });
     table.add("agent", config.agent);
     table.add("train", config.train);
     table.add("eval", config.eval);

@@ -21,8 +21,8 @@ std::string policy_file_of(const std::filesystem::path& path);
 
 /// Writes it atomically to `output`. Returns its description.
 PolicyInfo export_policy(const std::filesystem::path& path, const std::filesystem::path& output);
-/// The same network as an ONNX model: input "observation" [N, stack, 84, 84] uint8; outputs "action", [N, 3]
-/// float32 or [N] int64, which is the greedy one, and "output" as Policy::output.
+/// The same network as an ONNX model: input "observation" [N, stack, 84, 84] uint8; outputs "action", [N,
+/// coordinates] float32 or [N] int64, which is the greedy one, and "output" as Policy::output.
 PolicyInfo export_onnx(const std::filesystem::path& path, const std::filesystem::path& output);
 
 /// The environment that the policy was trained in: the `env` section of its run's configuration.

@@ -49,8 +49,8 @@ class Policy {
     /// The same by `choice`, with the caller's generator.
     Decision act(std::span<const std::uint8_t> observation, Choice choice, at::Generator random) const;
 
-    /// Returns the network's output, float32 on the CPU: [N, 6] for the continuous joystick (the means of the
-    /// Gaussian before the tanh, then the logarithms of its standard deviations), else [N, A]:
+    /// Returns the network's output, float32 on the CPU: [N, 2 A] for the A coordinates of the joystick (the
+    /// means of the Gaussian before the tanh, then the logarithms of its standard deviations), else [N, A]:
     /// log-probabilities, or action values.
     torch::Tensor output(const torch::Tensor& observations) const;
     /// Whether output() holds action values: discounted sums of the rewards that the agent learned from,

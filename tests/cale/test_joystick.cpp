@@ -135,7 +135,7 @@ TEST(Joystick, UniformCartesianActionsReachTheDiagonals) {
     const auto share = [](const auto& counts, Event event) {
         return counts[static_cast<std::size_t>(event)] / static_cast<double>(kSteps * kSteps);
     };
-    // ../shared/learning.md, section 2, measured on the reference's map
+    // docs/learning.md has the whole table
     EXPECT_NEAR(share(polar, Event::noop), 0.56, 0.01);
     EXPECT_NEAR(share(polar, Event::left), 0.096, 0.005);
     EXPECT_NEAR(share(polar, Event::up_left), 0.014, 0.003);

@@ -80,6 +80,7 @@ TEST(RandomPlay, BelongsToTheRulesThatItWasMeasuredUnder) {
     EXPECT_EQ(changed([](auto& env) { env.threshold = 0.4; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.event_map = cale::EventMap::ale_0_10; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.paddle_strength = cale::PaddleStrength::radius; }), "none");
+    EXPECT_EQ(changed([](auto& env) { env.joystick = cale::Joystick::cartesian; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.frame_skip = 2; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 99'999; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 100'000; }), "atari100k");

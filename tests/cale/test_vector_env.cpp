@@ -248,4 +248,58 @@ TEST(VectorEnvEmulator, ObservesTheMemory) {
     EXPECT_THROW(ram.reset(too_large), std::invalid_argument);
 }
 
+// Every parametrisation, over several environments, against the joystick that its actions stand for.
+TEST(VectorEnvEmulator, StepsByTheCoordinatesOfItsJoystick) {
+    const std::vector<std::uint32_t> seeds{1, 2, 3};
+    const auto uniform = [](std::uint64_t t, std::uint64_t i, float low, float high) {
+        return low + (high - low) * static_cast<float>(golden::uniform(t, i));
+    };
+    for (const auto joystick : {cale::Joystick::polar, cale::Joystick::cartesian, cale::Joystick::direction,
+                                cale::Joystick::factored}) {
+        auto config = config_of(3, 2);
+        VectorEnv expected(config, seeds);
+        config.joystick = joystick;
+        VectorEnv envs(config, seeds);
+        EXPECT_EQ(envs.action_space(), cale::joystick_space(joystick));
+        const auto coordinates = cale::stick_coordinates(joystick);
+        Bytes frames(3 * kFrameSize), same(frames.size()), final_frames(frames.size());
+        std::vector<StepResult> results(3), same_results(3);
+        envs.reset(frames);
+        expected.reset(same);
+        for (std::uint64_t t = 0; t < 20; ++t) {
+            std::vector<float> actions;
+            std::vector<std::int64_t> numbers;
+            std::vector<ContinuousAction> sticks;
+            for (std::uint64_t env = 0; env < 3; ++env) {
+                for (std::size_t axis = 0; axis < coordinates.size(); ++axis)
+                    actions.push_back(
+                        uniform(t, 4 * env + axis, coordinates[axis].low, coordinates[axis].high));
+                numbers.push_back(static_cast<std::int64_t>((5 * t + 7 * env) % 18));
+                sticks.push_back(coordinates.empty()
+                                     ? cale::factored_stick(numbers.back())
+                                     : cale::stick(joystick, std::span(actions).last(coordinates.size())));
+            }
+            const std::span<const float> vectors(actions);
+            const std::span<const std::int64_t> choices(numbers);
+            const auto taken = coordinates.empty() ? cale::Actions(choices) : cale::Actions(vectors);
+            const auto refused = coordinates.empty() ? cale::Actions(vectors) : cale::Actions(choices);
+            EXPECT_THROW(envs.step(refused, frames, final_frames, results), std::invalid_argument);
+            envs.step(taken, frames, final_frames, results);
+            expected.step(sticks, same, final_frames, same_results);
+            EXPECT_EQ(frames, same);
+            for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(results[i].event, same_results[i].event);
+        }
+    }
+}
+
+TEST(EnvSettings, AJoystickNeedsTheContinuousActions) {
+    auto config = config_of(1, 1);
+    config.action_space = cale::ActionSet::minimal;
+    config.joystick = cale::Joystick::factored;
+    const auto refusal = message_of<std::invalid_argument>([&] { cale::action_space(config); });
+    EXPECT_THAT(refusal,
+                HasSubstr("env.joystick=factored needs env.action_space=continuous, and that is minimal"));
+    EXPECT_THROW(cale::Env(config, 1), std::invalid_argument);
+}
+
 }  // namespace

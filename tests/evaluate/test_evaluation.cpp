@@ -449,5 +449,58 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
                 testing::ThrowsMessage<std::invalid_argument>(HasSubstr("env.action_space=minimal")));
 }
 
+TEST(PolicyEvaluationEmulator, APolicyPlaysInTheCoordinatesThatItWasTrainedIn) {
+    const TemporaryFolder folder;
+    const auto policy = trained("ppo", make_ppo, folder.path() / "run", {"env.joystick=cartesian"});
+    EXPECT_EQ(policy.info().joystick, Joystick::cartesian);
+    auto plan = short_games();
+    plan.env = env_config_of(policy.info());
+    EXPECT_EQ(plan.env.joystick, Joystick::cartesian);
+    EXPECT_NO_THROW(require_playable(policy.info(), plan.env));
+    plan.env.joystick = Joystick::polar;
+    EXPECT_THAT([&] { require_playable(policy.info(), plan.env); },
+                testing::ThrowsMessage<std::invalid_argument>(
+                    AllOf(HasSubstr("env.joystick=cartesian"), HasSubstr("polar"))));
+}
+
+// What a game makes of chosen coordinates is what it makes of the joystick that they stand for.
+TEST(EvaluationEmulator, ChosenActionsAreInTheCoordinatesOfTheGame) {
+    for (const auto joystick : {Joystick::cartesian, Joystick::direction, Joystick::factored}) {
+        auto plan = short_games();
+        plan.games = 3;
+        plan.epsilon = 0;
+        plan.env.joystick = joystick;
+        const auto space = action_space(plan.env);
+        const auto right = [&](const torch::Tensor& observations,
+                               std::span<const std::int64_t> games) -> Chosen {
+            // Game 0 goes to the right, game 1 up, the others to the left.
+            const auto count = observations.size(0);
+            if (joystick == Joystick::factored) {
+                auto actions = torch::empty({count}, torch::kInt64);
+                for (std::int64_t i = 0; i < count; ++i) {
+                    const auto game = games[static_cast<std::size_t>(i)];
+                    actions[i] = game == 0 ? 14 : game == 1 ? 10 : 2;  // (2, 1, 0), (1, 2, 0), (0, 1, 0)
+                }
+                return {actions};
+            }
+            auto actions = torch::zeros({count, box_size(space)});
+            for (std::int64_t i = 0; i < count; ++i) {
+                const auto game = games[static_cast<std::size_t>(i)];
+                actions[i][game == 1 ? 1 : 0] = game == 0 ? 0.9 : game == 1 ? 0.9 : -0.9;
+                if (joystick == Joystick::direction) actions[i][2] = 1;
+            }
+            return {actions};
+        };
+        const auto evaluation = evaluate(right, plan);
+        const auto only = [&](std::size_t game, Event event) {
+            const auto& events = evaluation.games.at(game).events;
+            return events[static_cast<std::size_t>(event)] == evaluation.games.at(game).length;
+        };
+        EXPECT_TRUE(only(0, Event::right)) << static_cast<int>(joystick);
+        EXPECT_TRUE(only(1, Event::up)) << static_cast<int>(joystick);
+        EXPECT_TRUE(only(2, Event::left)) << static_cast<int>(joystick);
+    }
+}
+
 }  // namespace
 }  // namespace cale

@@ -174,8 +174,8 @@ TEST(PolicyFileDamage, Texts) {
     EXPECT_THAT(error("actions", "JUMP"), HasSubstr("joystick events by their names"));
     EXPECT_THAT(error("action_space", "minimal"),
                 HasSubstr("head does not act on the action space 'minimal'"));
-    EXPECT_THAT(error("cale_policy", "3"),
-                HasSubstr("its format is version '3', this program reads version 1 and version 2"));
+    EXPECT_THAT(error("cale_policy", "4"),
+                HasSubstr("its format is version '4', this program reads versions 1 to 3"));
     EXPECT_THAT(error("cale_policy", "(missing)"), HasSubstr("not a policy that cale export made"));
 }
 
@@ -206,20 +206,26 @@ TEST(PolicyFileDamage, NetworksThatDoNotFitTheirWeights) {
     const auto dqn = sample_policy(test::action_values(phi_dqn()));
     EXPECT_THAT(error_of(with_texts(dqn, [](Texts& texts) { texts["actions"] = "NOOP FIRE"; })),
                 HasSubstr("another number of actions than are listed"));
-    EXPECT_THAT(error_of(with_texts(dqn, [](Texts& texts) { texts["joystick"] = "cartesian"; })),
+    EXPECT_THAT(error_of(with_texts(dqn,
+                                    [](Texts& texts) {
+                                        texts["joystick"] = "cartesian";
+                                        texts["cale_policy"] = "3";
+                                    })),
                 HasSubstr("'minimal' has no coordinates of a joystick"));
 }
 
 TEST(PolicyFileTest, TheJoystickFitsTheNetwork) {
     const auto with_joystick = [](const PolicyFile& policy, const std::string& joystick) {
-        return error_of(with_texts(policy, [&](Texts& texts) { texts["joystick"] = joystick; }));
+        return error_of(with_texts(policy, [&](Texts& texts) {
+            texts["joystick"] = joystick;
+            texts["cale_policy"] = "3";
+        }));
     };
     const auto sac = small_sac();
     EXPECT_EQ(policy_file_contents(sac).find("joystick"),
               std::string::npos);  // polar, as before there were others
     EXPECT_EQ(with_joystick(sac, "cartesian"), "no error");
-    EXPECT_THAT(with_joystick(sac, "direction"),
-                HasSubstr("another number of coordinates than its joystick"));
+    EXPECT_THAT(with_joystick(sac, "direction"), HasSubstr("3 coordinates, and its joystick 4"));
     EXPECT_THAT(with_joystick(sac, "factored"), HasSubstr("does not act on the action space 'continuous'"));
     EXPECT_THAT(with_joystick(sac, "polar"), HasSubstr("cartesian"));  // is written by leaving it out
     const auto factored = sample_policy(test::with_actions(kEventCount, test::action_values(phi_dqn())));

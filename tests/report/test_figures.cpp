@@ -310,6 +310,22 @@ TEST(JoystickMap, SharesOfRandomActionsAddUp) {
               shares[static_cast<std::size_t>(Event::up_left)]);
 }
 
+// docs/learning.md has the whole table.
+TEST(JoystickMap, RandomActionsOfOtherCoordinatesReachOtherZones) {
+    const auto share = [](Joystick joystick, Event event) {
+        const auto shares = event_shares_of_random_actions(0.5, joystick);
+        double sum = 0;
+        for (const double part : shares) sum += part;
+        EXPECT_NEAR(sum, 1, 1e-9);
+        return shares[static_cast<std::size_t>(event)];
+    };
+    EXPECT_NEAR(share(Joystick::cartesian, Event::noop), 0.25 / 2, 0.001);
+    EXPECT_NEAR(share(Joystick::cartesian, Event::up_left_fire), 0.0625 / 2, 0.001);
+    EXPECT_NEAR(share(Joystick::factored, Event::up_left_fire), 1.0 / 18, 1e-9);
+    EXPECT_NEAR(share(Joystick::direction, Event::noop), share(Joystick::polar, Event::noop), 0.03);
+    EXPECT_THAT(joystick_map_text(0.5, Joystick::cartesian), HasSubstr("cartesian"));
+}
+
 TEST(JoystickMap, NamesAllEighteenEvents) {
     const auto all = words_of(joystick_map(0.5));
     for (int i = 0; i < kEventCount; ++i) {

@@ -48,12 +48,13 @@ struct Case {
 template <class AgentConfig>
 Case make_case(const std::string& name, const std::string& agent, AgentConfig agent_config,
                ActionSet action_space, std::unique_ptr<Agent> (*make)(const AgentConfig&, const AgentSpec&),
-               Obs obs = Obs::pixels) {
+               Obs obs = Obs::pixels, Joystick coordinates = Joystick::polar) {
     if constexpr (requires { agent_config.replay; }) agent_config.replay.replay_capacity = 1'000;
     auto env = protocol_atari100k("breakout");
     env.action_space = action_space;
     env.threshold = 0.25;
     env.obs = obs;
+    env.joystick = coordinates;
     const auto yaml = [agent_config, env] {
         RunConfig<AgentConfig> config;
         auto table = settings_of(config);
@@ -102,12 +103,17 @@ std::vector<Case> cases() {
             make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der),
             make_case("sac_ram", "sac", sac_ram, joystick, make_sac, Obs::ram),
             make_case("ppo_ram", "ppo", ppo_ram, joystick, make_ppo, Obs::ram),
-            make_case("dqn_ram", "dqn", dqn_ram, ActionSet::minimal, make_dqn, Obs::ram)};
+            make_case("dqn_ram", "dqn", dqn_ram, ActionSet::minimal, make_dqn, Obs::ram),
+            make_case("sac_cartesian", "sac", sac_ram, joystick, make_sac, Obs::ram, Joystick::cartesian),
+            make_case("ppo_direction", "ppo", ppo_ram, joystick, make_ppo, Obs::ram, Joystick::direction),
+            make_case("sacd_factored", "sacd", sacd, joystick, make_sacd, Obs::pixels, Joystick::factored),
+            make_case("der_factored", "der", der, joystick, make_der, Obs::pixels, Joystick::factored)};
 }
 
 /// What is seen of a game of Breakout that chance plays: [count, stack, ...].
 torch::Tensor game_observations(EnvConfig config, std::int64_t count) {
     config.action_space = ActionSet::continuous;
+    config.joystick = Joystick::polar;
     Env env(config, 3);
     const auto space = observation_space(config);
     FrameStack stack(1, static_cast<std::size_t>(space.stack), static_cast<std::size_t>(space.frame_size()));
