@@ -75,25 +75,22 @@ std::vector<RewardQuantile> mean_reward_quantiles(const std::vector<const Run*>&
 }
 
 std::vector<ZoneRow> mean_zones(const std::vector<const Run*>& runs) {
-    constexpr std::size_t kParts = 40;
+    constexpr double kParts = 40;
     double end = 0;
     for (const auto* run : runs)
         if (!run->zones.empty()) end = std::max(end, run->zones.back().step);
-    std::vector<ZoneRow> parts(kParts);
-    std::vector<double> rows(kParts, 0);
+    std::map<double, std::pair<ZoneRow, double>> parts;  // by number: sums, and of how many rows
     for (const auto* run : runs) {
         for (const auto& [step, shares] : run->zones) {
-            const auto part = static_cast<std::size_t>(std::max(0.0, std::ceil(step / end * kParts) - 1));
-            for (std::size_t zone = 0; zone < shares.size(); ++zone) parts[part].shares[zone] += shares[zone];
-            ++rows[part];
+            auto& [sum, rows] = parts[std::ceil(step / end * kParts)];
+            for (std::size_t zone = 0; zone < shares.size(); ++zone) sum.shares[zone] += shares[zone];
+            ++rows;
         }
     }
     std::vector<ZoneRow> mean;
-    for (std::size_t part = 0; part < kParts; ++part) {
-        if (rows[part] == 0) continue;
-        mean.push_back(parts[part]);
-        mean.back().step = end * static_cast<double>(part + 1) / kParts;
-        for (auto& share : mean.back().shares) share /= rows[part];
+    for (auto& [part, sum] : parts) {
+        for (auto& share : sum.first.shares) share /= sum.second;
+        mean.push_back({end * part / kParts, sum.first.shares});
     }
     return mean;
 }

@@ -164,18 +164,14 @@ double draw_letter_key(Picture& picture, const std::string& what, const std::vec
     return y - top;
 }
 
-std::vector<std::string> names_of(const std::vector<Baseline>& references) {
-    std::vector<std::string> names;
-    for (const auto& reference : references) names.push_back(reference.name);
-    return names;
-}
-
 /// A picture with a title, a legend, and below them a grid for so many panels.
 std::pair<Picture, Grid> small_multiples(const std::string& title, const Comparison& comparison,
                                          std::size_t count, const std::vector<Baseline>& references = {}) {
     Picture picture = titled_picture(title, Grid(count, 0).width());
     double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
-    top += draw_letter_key(picture, "dashed", names_of(references), top);
+    std::vector<std::string> names;
+    for (const auto& reference : references) names.push_back(reference.name);
+    top += draw_letter_key(picture, "dashed", names, top);
     return {std::move(picture), Grid(count, top)};
 }
 
@@ -359,7 +355,7 @@ Picture event_figure(const Comparison& comparison) {
 
 namespace {
 
-/// Of kZones: the centre grey, opposite directions in opposite hues, diagonals paler.
+/// Of kZones: the centre grey, diagonals paler than what lies between them.
 constexpr std::array<Colour, kZones.size()> kZoneColours{{{0xd9, 0xdd, 0xe2},
                                                           {0xd5, 0x5e, 0x00},
                                                           {0xe8, 0xa8, 0x6a},
@@ -369,7 +365,6 @@ constexpr std::array<Colour, kZones.size()> kZoneColours{{{0xd9, 0xdd, 0xe2},
                                                           {0x7f, 0xb8, 0xdc},
                                                           {0x00, 0x72, 0xb2},
                                                           {0xb0, 0x8f, 0xc7}}};
-constexpr std::size_t kMostZoneGames = 6;
 
 /// Nine squares that lie as the joystick does, their upper left corner at (left, top).
 void draw_zone_key(Picture& picture, double left, double top) {
@@ -392,11 +387,9 @@ void draw_zones(Picture& picture, const Panel& panel, const std::vector<ZoneRow>
         double from = 0;  // each row stands for the steps since the one before
         for (std::size_t i = 0; i < zones.size(); ++i) {
             const double left = panel.to_x(from), right = panel.to_x(zones[i].step);
-            lower.push_back({left, panel.to_y(below[i])});
-            lower.push_back({right, panel.to_y(below[i])});
+            for (const double x : {left, right}) lower.push_back({x, panel.to_y(below[i])});
             below[i] += zones[i].shares[zone];
-            outline.push_back({left, panel.to_y(below[i])});
-            outline.push_back({right, panel.to_y(below[i])});
+            for (const double x : {left, right}) outline.push_back({x, panel.to_y(below[i])});
             from = zones[i].step;
         }
         outline.insert(outline.end(), lower.rbegin(), lower.rend());
@@ -412,43 +405,35 @@ bool has_zones(const GameResult& result) {
 
 Picture zone_figure(const Comparison& comparison) {
     auto rows = rows_with(comparison, has_zones);
-    const auto games = rows.size();
-    if (rows.size() > kMostZoneGames) rows.resize(kMostZoneGames);
+    rows.resize(std::min<std::size_t>(rows.size(), 6));
     const auto labels = labels_of(comparison);
-    struct Shown {
-        std::string title;
-        const std::vector<ZoneRow>* zones;
-    };
-    std::vector<Shown> shown;
+    std::vector<std::pair<std::string, const std::vector<ZoneRow>*>> shown;
     for (const auto& row : rows) {
         for (std::size_t group = 0; group < row.results.size(); ++group) {
-            const auto* const result = row.results[group];
-            if (result == nullptr) continue;
             const auto which = labels.size() == 1 ? "" : ": " + letter(group);
-            shown.push_back({std::string(row.game->name) + which, &result->zones});
+            if (const auto* result = row.results[group]; result != nullptr)
+                shown.emplace_back(std::string(row.game->name) + which, &result->zones);
         }
     }
     auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
-    constexpr double kKey = 50, kKeyHeight = 50;
-    draw_zone_key(picture, kMargin, kKey);
-    double top = kKey + kKeyHeight;
-    if (labels.size() > 1) top += draw_letter_key(picture, "groups", labels, top);
-    const Grid grid(shown.size(), top);
+    draw_zone_key(picture, kMargin, 50);
+    const double key = labels.size() > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
+    const Grid grid(shown.size(), 100 + key);
     for (std::size_t i = 0; i < shown.size(); ++i) {
         Panel panel = grid.panel(i);
-        panel.x = {0, shown[i].zones->back().step};
+        const auto& [title, zones] = shown[i];
+        panel.x = {0, zones->back().step};
         panel.y = {0, 1};
         draw_axes(picture, panel, 3, 2, 11);
-        title_panel(picture, panel, shown[i].title);
-        draw_zones(picture, panel, *shown[i].zones);
+        title_panel(picture, panel, title);
+        draw_zones(picture, panel, *zones);
     }
     finish_picture(
         picture, grid.bottom(),
         fmt::format(
-            "part of the agent steps (vertical) since the point before, over agent steps; mean "
-            "of the runs ({}){}",
-            runs_text(comparison),
-            games > rows.size() ? fmt::format("; the first {} of {} games", rows.size(), games) : ""));
+            "part of the agent steps since the point before, over agent steps; mean of the runs ({}); "
+            "six games at most",
+            runs_text(comparison)));
     return picture;
 }
 

@@ -130,9 +130,8 @@ std::vector<JoystickRegion> joystick_regions(double threshold) {
 
 namespace {
 
-/// Calls `visit` with a joystick in every cell of a grid over the coordinates of `joystick`, the button
-/// aside, and with the cell's part of all. The grid is so fine that shares are right to a tenth of a per
-/// cent.
+/// Calls `visit` with a joystick in each cell of a fine grid over the coordinates but the button, and its
+/// share.
 template <class Visit>
 void visit_positions(Joystick joystick, Visit&& visit) {
     if (joystick == Joystick::factored) {
@@ -142,10 +141,8 @@ void visit_positions(Joystick joystick, Visit&& visit) {
     }
     const auto coordinates = stick_coordinates(joystick);
     const std::size_t axes = coordinates.size() - 1;  // without fire
-    const std::size_t cells = axes == 2 ? 1000 : 100;
+    const std::size_t cells = axes == 2 ? 1000 : 100, count = 1'000'000;
     std::vector<float> action(axes + 1, 0.0F);
-    std::size_t count = 1;
-    for (std::size_t axis = 0; axis < axes; ++axis) count *= cells;
     for (std::size_t cell = 0; cell < count; ++cell) {
         for (std::size_t axis = 0, rest = cell; axis < axes; ++axis, rest /= cells) {
             const auto& [name, low, high] = coordinates[axis];

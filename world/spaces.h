@@ -22,8 +22,8 @@ struct Discrete {
 struct Box {
     std::vector<float> low, high;         // of one size
     std::vector<std::string> names = {};  // of the coordinates, for logs; empty: axis_0, axis_1, ...
-    /// One action for each event that the world tells apart, coordinate by coordinate: random play may choose among
-    /// them. Empty: there are none.
+    /// One action for each event that the world tells apart, coordinate by coordinate: random play may choose
+    /// among them. Empty: there are none.
     std::vector<float> landmarks = {};
     /// Returns the number of coordinates.
     std::int64_t size() const { return static_cast<std::int64_t>(low.size()); }

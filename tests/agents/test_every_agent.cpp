@@ -396,8 +396,8 @@ TEST_P(ReplayAgent, RefusesTheOtherActionSpace) {
     const auto other = continuous ? discrete_world() : joystick_world();
     EXPECT_THAT([&] { make(other); },
                 ThrowsMessage<std::invalid_argument>(
-                    HasSubstr(continuous ? "discrete actions: set env.action_space to continuous"
-                                         : "continuous joystick: set env.action_space to minimal or full")));
+                    HasSubstr(continuous ? "numbered actions: set env.action_space to continuous"
+                                         : "coordinates: set env.action_space to minimal or full")));
 }
 
 TEST_P(ReplayAgent, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
