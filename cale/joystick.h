@@ -26,7 +26,7 @@ std::span<const std::string_view> names_of(Joystick);
 /// One coordinate of a parametrisation and its interval.
 struct StickCoordinate {
     std::string_view name;  // "x"
-    float low, high;
+    float low, high;        // its limits
 };
 /// Returns the coordinates of a parametrisation; none for `factored`.
 std::span<const StickCoordinate> stick_coordinates(Joystick joystick);

@@ -174,14 +174,15 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     const auto frames = game_observations(GetParam().env, 24);
     const auto expected = agent->act(frames, ActMode::evaluate);
     EXPECT_TRUE(at::equal(policy.act(frames, Choice::as_evaluated, evaluation_random), expected));
-    const auto greedy = policy.act(frames);
+    const auto greedy = policy.act(frames).contiguous();
     for (std::int64_t i = 0; i < frames.size(0); ++i) {
         const std::span pixels(frames[i].const_data_ptr<std::uint8_t>(), policy.info().observation_size());
         const auto decision = lite.act(pixels, workspace);
         if (policy.info().actions.empty()) {
-            EXPECT_NEAR(decision.stick.radius, greedy[i][0].item<float>(), 1e-5);
-            EXPECT_NEAR(decision.stick.theta, greedy[i][1].item<float>(), 1e-4);
-            EXPECT_NEAR(decision.stick.fire, greedy[i][2].item<float>(), 1e-5);
+            const auto chosen = chosen_stick(GetParam().env.joystick, greedy, i);
+            EXPECT_NEAR(decision.stick.radius, chosen.radius, 1e-5);
+            EXPECT_NEAR(decision.stick.theta, chosen.theta, 1e-4);
+            EXPECT_NEAR(decision.stick.fire, chosen.fire, 1e-5);
         } else {
             EXPECT_EQ(decision.action, greedy[i].item<std::int64_t>());
         }
@@ -200,6 +201,7 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     EXPECT_EQ(env.game, "breakout");
     EXPECT_EQ(env.threshold, 0.25);
     EXPECT_EQ(env.action_space, GetParam().env.action_space);
+    EXPECT_EQ(env.joystick, GetParam().env.joystick);
     EXPECT_TRUE(env.rom_dir.empty());
     EXPECT_EQ(info.provenance.at("config").find("somebody"), std::string::npos);
 }
