@@ -36,6 +36,16 @@ std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
     return {actions.begin(), actions.end()};
 }
 
+/// Other coordinates than (r, theta, fire) are of the continuous joystick alone.
+void check_joystick(const EnvConfig& config) {
+    if (config.action_space == ActionSet::continuous || config.joystick == Joystick::polar) return;
+    throw std::invalid_argument(
+        "env.joystick=" + std::string(names_of(config.joystick)[static_cast<std::size_t>(config.joystick)]) +
+        " needs env.action_space=continuous, and that is " +
+        std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
+        ": set it to continuous, or leave env.joystick at polar");
+}
+
 // The no-op starts must not be correlated with the sticky actions of the same seed.
 std::mt19937 noop_stream(std::uint32_t seed) {
     std::seed_seq sequence{seed, std::uint32_t{0x6e6f6f70}};
@@ -61,14 +71,7 @@ std::span<const std::string_view> names_of(PaddleStrength) {
 
 ActionSpace action_space(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous) return joystick_space(config.joystick);
-    if (config.joystick != Joystick::polar) {
-        throw std::invalid_argument(
-            "env.joystick=" +
-            std::string(names_of(config.joystick)[static_cast<std::size_t>(config.joystick)]) +
-            " needs env.action_space=continuous, and that is " +
-            std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
-            ": set it to continuous, or leave env.joystick at polar");
-    }
+    check_joystick(config);
     return Discrete{kEventCount};
 }
 
@@ -95,7 +98,7 @@ EnvConfig protocol_atari100k(std::string game) {
 
 struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
-        : config((check_ranges(env_config), action_space(env_config), env_config)),
+        : config((check_ranges(env_config), check_joystick(env_config), env_config)),
           emulator(find_game(config.game), find_rom(config.game, config.rom_dir),
                    static_cast<float>(config.sticky_probability), seed),
           frames(emulator.screen_height(), emulator.gray_palette()),

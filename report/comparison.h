@@ -27,7 +27,7 @@ struct GameResult {
     Curve curve{};                                   // likewise
     std::vector<double> event_shares{};              // by Event, the mean of the runs'; empty if none has any
     std::vector<RewardQuantile> reward_quantiles{};  // likewise
-    std::vector<ZoneRow> zones{};                    // likewise, over equal parts of the longest run
+    std::vector<ZoneRow> zones{};                    // the mean of the runs, over equal parts of the longest
 };
 
 struct GroupResult {

@@ -168,6 +168,7 @@ struct Progress {
     double step = 0;  // agent steps
     fs::path file{};
     fs::path checkpoint{};  // the newest; empty: there is none
+    CsvTable rows{};        // of progress.csv; none where there is no such file
 };
 
 /// The number in a name such as step_000002000.
@@ -198,7 +199,7 @@ Progress progress_of(const fs::path& folder) {
         progress.file = file;
     };
     if (const auto file = folder / "progress.csv"; fs::exists(file)) {
-        const auto table = read_csv(file);
+        const auto& table = progress.rows = read_csv(file);
         const auto column = table.find("global_step");
         if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
     }
@@ -353,8 +354,7 @@ std::pair<std::size_t, std::size_t> columns_of(const CsvTable& table, std::strin
     return {*first, *second};
 }
 
-std::vector<ZoneRow> read_zones(const fs::path& progress) {
-    const auto table = read_csv(progress);
+std::vector<ZoneRow> zones_in(const CsvTable& table) {
     const auto step = table.find("global_step");
     std::array<std::size_t, kZones.size()> columns{};
     for (std::size_t zone = 0; zone < kZones.size(); ++zone) {
@@ -435,7 +435,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     } else if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty()) {
         run.event_shares = read_event_shares(files.back());
     }
-    if (const auto file = folder / "progress.csv"; fs::exists(file)) run.zones = read_zones(file);
+    run.zones = zones_in(progress.rows);
     if (const auto files = evaluation_files(evaluations.folder, "_rewards.csv"); !files.empty())
         run.reward_quantiles = read_reward_quantiles(files.back());
     return run;

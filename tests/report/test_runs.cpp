@@ -114,7 +114,7 @@ TEST_F(Runs, ZonesAreThoseOfTheRowsThatHaveThem) {
         "zones/down_left,zones/down,zones/down_right\n";
     folders_.write("a/progress.csv", header + "50,,,,,,,,,\n100,0.5,0,0,0,0,0.25,0,0,0.25\n");
     const auto zones = found().runs.at(0).zones;
-    ASSERT_THAT(zones, SizeIs(1));  // a run that goes on from an older checkpoint has none in its first rows
+    ASSERT_THAT(zones, SizeIs(1));  // the first rows of a run resumed from an older checkpoint have none
     EXPECT_EQ(zones[0].step, 100);
     EXPECT_THAT(zones[0].shares, ElementsAre(0.5, 0, 0, 0, 0, 0.25, 0, 0, 0.25));
     folders_.write("a/progress.csv", "global_step,frame\n100,400\n");
