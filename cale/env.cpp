@@ -14,7 +14,6 @@
 namespace cale {
 namespace {
 
-constexpr std::int64_t kStack = 4;              // arrays of an observation (Mnih et al. 2015)
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
 
 void check_ranges(EnvConfig config) {
@@ -76,8 +75,8 @@ ActionSpace action_space(const EnvConfig& config) {
 }
 
 ObservationSpace observation_space(const EnvConfig& config) {
-    if (config.obs == Obs::ram) return {.stack = kStack, .shape = {std::int64_t{kRamSize}}};
-    return {.stack = kStack, .shape = {kFrameHeight, kFrameWidth}};
+    if (config.obs == Obs::ram) return {.stack = config.frame_stack, .shape = {std::int64_t{kRamSize}}};
+    return {.stack = config.frame_stack, .shape = {kFrameHeight, kFrameWidth}};
 }
 
 EnvConfig protocol_200m(std::string game) {

@@ -49,6 +49,7 @@ struct EnvConfig {
     double sticky_probability = 0.25;
     bool terminal_on_life_loss = false;
     std::int64_t frame_skip = 4;
+    std::int64_t frame_stack = 4;
     std::int64_t max_frames_per_episode = 108'000;
     bool truncation_is_terminal = false;
     std::int64_t noop_max = 0;
@@ -63,7 +64,7 @@ void fields(EnvConfig& config, Visit&& visit) {
     visit("env_threads", config.env_threads, Range{0, 1024},
           "threads that step them; 0: as many as there are cores");
     visit("obs", config.obs,
-          "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes, for agent.encoder mlp");
+          "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes (encoder mlp or flat)");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
     visit(
@@ -82,6 +83,8 @@ void fields(EnvConfig& config, Visit&& visit) {
     visit("terminal_on_life_loss", config.terminal_on_life_loss,
           "a lost life ends the agent's episode (the game goes on)");
     visit("frame_skip", config.frame_skip, Range{1, 64}, "emulated frames per agent step");
+    visit("frame_stack", config.frame_stack, Range{1, 64},
+          "newest screens, or bytes of memory, that an observation holds");
     visit("max_frames_per_episode", config.max_frames_per_episode, Range{1, 1e9},
           "frames after which an episode is cut off");
     visit("truncation_is_terminal", config.truncation_is_terminal,
@@ -98,7 +101,7 @@ EnvConfig protocol_atari100k(std::string game);
 /// Returns the action space as far as the settings alone determine it: a game's minimal set counts as 18
 /// actions.
 ActionSpace action_space(const EnvConfig& config);
-/// Returns the observation space: four frames {84, 84}, or four times the bytes of memory {128}.
+/// Returns the observation space: frame_stack screens {84, 84}, or as many times the bytes of memory {128}.
 ObservationSpace observation_space(const EnvConfig& config);
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the folder named by ALE_ROMS_DIR, else in the `roms`

@@ -230,9 +230,9 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     const auto actions = action_space(plan.env);
     const auto rows =
         static_cast<std::size_t>(std::max(std::int64_t{1}, std::min(plan.parallel, plan.games)));
-    auto space = observation_space(plan.env);
-    space.stack = static_cast<std::int64_t>(plan.stack_depth);
-    FrameStack stack(rows, plan.stack_depth, static_cast<std::size_t>(space.frame_size()));
+    const auto space = observation_space(plan.env);
+    FrameStack stack(rows, static_cast<std::size_t>(space.stack),
+                     static_cast<std::size_t>(space.frame_size()));
     const auto all_rows = stack_tensor(stack, rows, space);
     Games games(rows);
 

@@ -59,7 +59,6 @@ struct EvaluationPlan {
     std::int64_t steps = std::numeric_limits<std::int64_t>::max();
     std::int64_t parallel = 1;  // games under way at a time, stepped by LibTorch's threads
     std::uint64_t seed = 1;
-    std::size_t stack_depth = 4;
     double epsilon = 0;             // probability of a uniformly random action instead of the chosen one
     std::filesystem::path video{};  // an MP4 file of one of the games; empty: none
     std::int64_t filmed_game = 0;

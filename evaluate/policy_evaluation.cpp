@@ -52,6 +52,11 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
                         names_of(env.joystick)[static_cast<std::size_t>(policy.joystick)],
                         names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]));
     }
+    if (env.frame_stack != policy.stack) {
+        throw std::invalid_argument(fmt::format(
+            "this policy was trained with env.frame_stack={} and cannot act on {}: leave env.frame_stack out",
+            policy.stack, env.frame_stack));
+    }
     if (continuous) return;
     const Env world(env, /*seed=*/0);
     if (std::ranges::equal(world.actions(), policy.actions)) return;

@@ -29,8 +29,12 @@ Layers wide_branch(const EncoderConfig& config, bool of_critic) {
     return relu_branch(of_critic ? "critic" : "actor", of_critic || config.layer_norm);
 }
 
+Layers no_branch(const EncoderConfig&, bool) {
+    return {};
+}
+
 /// In the order of EncoderKind.
-constexpr std::array<Encoder, 5> kEncoders{{
+constexpr std::array<Encoder, 6> kEncoders{{
     {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, narrow_branch,
      [] { return orthogonal(); }},
     {"phi_dqn",
@@ -40,6 +44,7 @@ constexpr std::array<Encoder, 5> kEncoders{{
     {"mlp", [](const EncoderConfig& config) { return mlp(config.layer_norm); }, narrow_branch,
      glorot_uniform},
     {"compact", [](const EncoderConfig&) { return compact(); }, narrow_branch, glorot_uniform},
+    {"flat", [](const EncoderConfig&) { return flat(); }, no_branch, glorot_uniform},
 }};
 
 const Encoder& encoder_of(const EncoderConfig& config) {

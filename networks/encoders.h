@@ -17,7 +17,7 @@
 namespace cale {
 
 /// The encoders that agents choose from; one row each of the table in encoders.cpp.
-enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact };
+enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact, flat };
 /// conv2d: the convolutions as Mnih et al. meant them. row1d: as Dopamine's CALE agents run
 /// them, where each row of the image is convolved by itself.
 enum class PhiDqn { conv2d, row1d };
@@ -63,6 +63,7 @@ class Trunk {
 ///   phi_sac, mlp, compact
 ///               Dense 50, LayerNorm, tanh on both branches: few enough for an action of three numbers to
 ///               count beside them in the critics
+///   flat        nothing: the actor and each critic have their layers to themselves
 ///   the others  Dense 512, ReLU; LayerNorm before the ReLU on the critic's branch, and on the actor's where
 ///               EncoderConfig::layer_norm
 class TwoBranchEncoderImpl : public torch::nn::Module {

@@ -84,10 +84,9 @@ class Show {
 
 /// One game. Returns the command that ended it before its end.
 Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& show) {
-    auto space = observation_space(plan.env);
-    space.stack = static_cast<std::int64_t>(plan.stack_depth);
+    const auto space = observation_space(plan.env);
     std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));
-    FrameStack stack(1, plan.stack_depth, frame.size());
+    FrameStack stack(1, static_cast<std::size_t>(space.stack), frame.size());
     env.reset(frame);
     stack.push(0, frame);
     EvaluatedGame game;

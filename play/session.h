@@ -24,7 +24,6 @@ struct Stage {
 struct PlayPlan {
     EnvConfig env{};
     Decide decide{};  // empty: the player plays
-    std::size_t stack_depth = 4;
     std::uint64_t seed = 1;
     std::int64_t games =
         std::numeric_limits<std::int64_t>::max();  // it ends after these, or when the player quits

@@ -70,6 +70,10 @@ Layers mlp(bool layer_norm) {
         {Layers{Layer::of(Layer::Kind::flatten)}, hidden_layers(2, units, Layer::Kind::relu, layer_norm)});
 }
 
+Layers flat() {
+    return {Layer::of(Layer::Kind::flatten)};
+}
+
 Layers tanh_branch(const std::string& name) {
     return {Layer::dense(name + "_fc", 50), Layer::layer_norm(name + "_ln"), Layer::of(Layer::Kind::tanh)};
 }

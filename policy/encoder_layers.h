@@ -27,6 +27,8 @@ Layers compact();
 /// that are no images, such as the console's 128 bytes of RAM: the size of Stable-Baselines3's networks for
 /// state vectors. 84x84 frames work too. `layer_norm`: before each ReLU.
 Layers mlp(bool layer_norm = false);
+/// No layer at all: the observation's numbers one behind the other.
+Layers flat();
 
 /// What follows phi_sac on a branch of CALE's agents: `name`_fc (50 units), `name`_ln, tanh.
 Layers tanh_branch(const std::string& name);

@@ -1,5 +1,6 @@
 #include "policy/observer.h"
 
+#include <algorithm>
 #include <array>
 #include <stdexcept>
 #include <string>
@@ -13,8 +14,11 @@ std::array<std::uint8_t, 256> every_gray() {
     return gray;
 }
 
-void require_frames(const PolicyInfo& info) {
-    if (info.frame_height == kFrameHeight && info.frame_width == kFrameWidth) return;
+/// Returns the pipeline from screens to frames; none for memory.
+std::optional<FramePipeline> pipeline_for(const PolicyInfo& info, int screen_height) {
+    if (info.frame_height == 1) return std::nullopt;
+    if (info.frame_height == kFrameHeight && info.frame_width == kFrameWidth)
+        return FramePipeline(screen_height, every_gray());
     throw std::invalid_argument("this policy reads frames of " + std::to_string(info.frame_height) + "x" +
                                 std::to_string(info.frame_width) +
                                 "; an Observer makes frames of 84x84: make the observations yourself");
@@ -27,16 +31,21 @@ std::uint8_t luminance(std::uint8_t red, std::uint8_t green, std::uint8_t blue) 
 }
 
 Observer::Observer(const PolicyInfo& info, int screen_height)
-    : frame_skip_((require_frames(info), info.frame_skip)),
+    : frame_skip_(info.frame_skip),
       life_loss_ends_episode_(info.life_loss_ends_episode),
-      pipeline_(screen_height, every_gray()),
-      stack_(1, static_cast<std::size_t>(info.stack)),
-      gray_(static_cast<std::size_t>(screen_height) * kScreenWidth),
-      frame_(kFrameSize) {}
+      pipeline_(pipeline_for(info, screen_height)),
+      stack_(1, static_cast<std::size_t>(info.stack),
+             static_cast<std::size_t>(info.frame_height * info.frame_width)),
+      gray_(pipeline_ ? static_cast<std::size_t>(screen_height) * kScreenWidth : 0),
+      frame_(static_cast<std::size_t>(info.frame_height * info.frame_width)) {}
 
 void Observer::start(std::span<const std::uint8_t> screen) {
     require_size(screen);
-    pipeline_.start(gray(screen));
+    if (pipeline_) {
+        pipeline_->start(gray(screen));
+    } else {
+        std::ranges::copy(screen, frame_.begin());
+    }
     stack_.clear(0);
     complete_step();
 }
@@ -46,10 +55,12 @@ void Observer::see(std::span<const std::uint8_t> screen) {
     if (frames_left_ == 0) frames_left_ = frame_skip_;
     --frames_left_;
     // The last two screens of a step count; the only one of a step of one frame is the first.
-    if (frames_left_ == 0 && frame_skip_ > 1) {
-        pipeline_.set_second(gray(screen));
+    if (!pipeline_) {
+        std::ranges::copy(screen, frame_.begin());
+    } else if (frames_left_ == 0 && frame_skip_ > 1) {
+        pipeline_->set_second(gray(screen));
     } else if (frames_left_ <= 1) {
-        pipeline_.set_first(gray(screen));
+        pipeline_->set_first(gray(screen));
     }
     if (frames_left_ == 0) complete_step();
 }
@@ -61,6 +72,12 @@ void Observer::lose_life() {
 }
 
 void Observer::require_size(std::span<const std::uint8_t> screen) const {
+    if (reads_memory()) {
+        if (screen.size() == frame_.size()) return;
+        throw std::invalid_argument("this policy reads the console's memory: give it " +
+                                    std::to_string(frame_.size()) + " bytes, not " +
+                                    std::to_string(screen.size()));
+    }
     const auto pixels = gray_.size();
     if (screen.size() == pixels || screen.size() == 3 * pixels) return;
     throw std::invalid_argument("a screen has " + std::to_string(screen.size()) + " bytes: it must have " +
@@ -75,9 +92,9 @@ std::span<const std::uint8_t> Observer::gray(std::span<const std::uint8_t> scree
     return gray_;
 }
 
-/// The screens become a frame; a decision is due.
+/// The screens become a frame, or the memory is one; a decision is due.
 void Observer::complete_step() {
-    pipeline_.write(frame_);
+    if (pipeline_) pipeline_->write(frame_);
     stack_.push(0, frame_);
     frames_left_ = 0;
 }

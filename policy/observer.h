@@ -1,7 +1,8 @@
-// Turns a game's screens into a policy's observations, exactly as in training.
+// Turns a game's screens, or its memory, into a policy's observations, exactly as in training.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,10 +25,11 @@ namespace cale {
 ///     }
 ///
 /// Screens have 160 columns, and 210 rows in nearly all games. They are either gray, a byte per pixel as
-/// ALE's getScreenGrayscale gives it, or RGB, three bytes per pixel. Nothing is allocated after construction.
+/// ALE's getScreenGrayscale gives it, or RGB, three bytes per pixel. A policy that reads_memory() is given
+/// the console's bytes in their place. Nothing is allocated after construction.
 class Observer {
   public:
-    /// Throws std::invalid_argument where frames are not 84x84 or there are fewer rows than that.
+    /// Throws std::invalid_argument where frames are neither 84x84 nor memory, or for fewer rows than 84.
     explicit Observer(const PolicyInfo& info, int screen_height = 210);
 
     /// A game has begun. Throws std::invalid_argument for a screen of another size.
@@ -42,7 +44,9 @@ class Observer {
 
     /// Whether a decision is due: at the start, then after every frame_skip frames.
     bool due() const { return frames_left_ == 0; }
-    /// Returns [stack, 84, 84], as of the newest decision that was due.
+    /// Whether start() and see() are to be given the console's memory, PolicyInfo::frame_width bytes.
+    bool reads_memory() const { return !pipeline_; }
+    /// Returns [stack, 84, 84] or [stack, bytes], as of the newest decision that was due.
     std::span<const std::uint8_t> observation() const { return stack_.data(); }
 
   private:
@@ -52,10 +56,10 @@ class Observer {
 
     std::int64_t frame_skip_;
     bool life_loss_ends_episode_;
-    FramePipeline pipeline_;
+    std::optional<FramePipeline> pipeline_;  // of screens
     FrameStack stack_;
     std::vector<std::uint8_t> gray_;   // an RGB screen in gray
-    std::vector<std::uint8_t> frame_;  // 84 x 84
+    std::vector<std::uint8_t> frame_;  // 84 x 84, or the memory
     std::int64_t frames_left_ = 0;     // until the next decision
 };
 

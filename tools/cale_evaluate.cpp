@@ -62,7 +62,7 @@ EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     return env;
 }
 
-EvaluationPlan plan_of(const Options& options, const EnvConfig& env, std::size_t stack_depth) {
+EvaluationPlan plan_of(const Options& options, const EnvConfig& env) {
     auto plan = options.protocol == "fixed_steps" ? fixed_steps(env) : fixed_episodes(env);
     if (options.episodes) plan.games = *options.episodes;
     if (options.steps) plan.steps = *options.steps;
@@ -70,7 +70,6 @@ EvaluationPlan plan_of(const Options& options, const EnvConfig& env, std::size_t
     if (options.noop_max) plan.env.noop_max = *options.noop_max;
     plan.parallel = options.parallel;
     plan.seed = options.seed;
-    plan.stack_depth = stack_depth;
     plan.filmed_game = options.video_episode;
     plan.film_minutes = options.video_minutes;
     if (options.video && plan.filmed_game >= plan.games) {
@@ -105,7 +104,7 @@ struct Task {
 Task task_of(const Options& options, const fs::path& path, torch::Device device) {
     Task task{.policy = policy_of(path, device), .plan = {}};
     const PolicyInfo& info = task.policy.info();
-    task.plan = plan_of(options, environment_of(options, info), static_cast<std::size_t>(info.stack));
+    task.plan = plan_of(options, environment_of(options, info));
     require_playable(info, task.plan.env);
     task.sampled = options.sampled || (info.evaluation_samples && !options.greedy);
     return task;
@@ -144,7 +143,7 @@ void evaluate_policy(const Options& options, torch::Device device) {
 EvaluationProtocol protocol_of(const Options& options) {
     EnvConfig env;
     set_environment(env, options.settings);
-    const EvaluationPlan plan = plan_of(options, env, 1);
+    const EvaluationPlan plan = plan_of(options, env);
     EvaluationProtocol protocol{.name = options.protocol,
                                 .games = plan.games,
                                 .steps = plan.steps,

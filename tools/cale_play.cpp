@@ -63,7 +63,6 @@ PlayPlan plan_of(const Options& options) {
     if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
         std::fputs(fmt::format("cale play: {}\n", kept).c_str(), stderr);
     require_playable(policy->info(), plan.env);
-    plan.stack_depth = static_cast<std::size_t>(policy->info().stack);
     const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);
     plan.decide = decide_by(*policy, sampled, options.seed);
     return plan;

@@ -1,5 +1,5 @@
 // A game loop with a trained policy in it. The game is an emulated one; yours only has to give its screen
-// after every frame and to take joystick events.
+// after every frame and to take joystick events. (Policies that read a console's memory are given that.)
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -31,15 +31,16 @@ struct Played {
 Played play(const cale::Policy& policy, cale::Emulator& console, int most_frames) {
     std::vector<std::uint8_t> pixels;
     cale::Observer observer(policy.info(), console.screen_height());
+    const auto seen = [&] { return observer.reads_memory() ? console.ram() : gray_screen(console, pixels); };
     console.reset();
-    observer.start(gray_screen(console, pixels));
+    observer.start(seen());
 
     Played played;
     cale::Decision decision;
     for (int lives = console.lives(); !console.game_over() && played.frames < most_frames; ++played.frames) {
         if (observer.due()) decision = policy.act(observer.observation());
         played.score += console.act(decision.event, decision.strength);
-        observer.see(gray_screen(console, pixels));
+        observer.see(seen());
         if (console.lives() < lives) observer.lose_life();
         lives = console.lives();
     }

@@ -76,6 +76,7 @@ TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     EXPECT_THAT(refusal([](EnvConfig& c) { c.sticky_probability = 1.5; }),
                 HasSubstr("sticky_probability is 1.5: it must lie in [0, 1]"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_skip = 0; }), HasSubstr("frame_skip is 0"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_stack = 0; }), HasSubstr("frame_stack is 0"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.threshold = std::numeric_limits<double>::quiet_NaN(); }),
                 HasSubstr("threshold is nan"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.noop_max = -1; }), HasSubstr("noop_max is -1"));

@@ -463,6 +463,23 @@ TEST(PolicyEvaluationEmulator, APolicyPlaysInTheCoordinatesThatItWasTrainedIn) {
                     AllOf(HasSubstr("env.joystick=cartesian"), HasSubstr("polar"))));
 }
 
+TEST(PolicyEvaluationEmulator, APolicyPlaysOnAsManyFramesAsItWasTrainedOn) {
+    const TemporaryFolder folder;
+    const auto policy = trained("ppo", make_ppo, folder.path() / "run",
+                                {"env.frame_stack=2", "env.obs=ram", "agent.encoder=flat"});
+    EXPECT_EQ(policy.info().stack, 2);
+    auto plan = short_games();
+    plan.env = env_config_of(policy.info());
+    plan.env.max_frames_per_episode = 80;
+    plan.games = 1;
+    EXPECT_NO_THROW(require_playable(policy.info(), plan.env));
+    EXPECT_EQ(evaluate(decide_by(policy, false, 1), plan).games.size(), 1);
+    plan.env.frame_stack = 4;
+    EXPECT_THAT([&] { require_playable(policy.info(), plan.env); },
+                testing::ThrowsMessage<std::invalid_argument>(
+                    AllOf(HasSubstr("env.frame_stack=2"), HasSubstr("act on 4: leave env.frame_stack out"))));
+}
+
 // What a game makes of chosen coordinates is what it makes of the joystick that they stand for.
 TEST(EvaluationEmulator, ChosenActionsAreInTheCoordinatesOfTheGame) {
     for (const auto joystick : {Joystick::cartesian, Joystick::direction, Joystick::factored}) {

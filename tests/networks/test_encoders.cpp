@@ -53,6 +53,7 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
         {{.encoder = EncoderKind::impala}, 11 * 11 * 32, 512},
         {{.encoder = EncoderKind::compact}, 1568, 50},
         {{.encoder = EncoderKind::mlp}, 256, 50},
+        {{.encoder = EncoderKind::flat}, 4 * 84 * 84, 4 * 84 * 84},
         {{.encoder = EncoderKind::phi_sac, .observation = {2, 12, 9}}, 6 * 5 * 32, 50},
         {{.encoder = EncoderKind::impala, .observation = {1, 12, 9}}, 2 * 2 * 32, 512},
     };

@@ -118,6 +118,8 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"dueling", action_values(phi_dqn(), true)},
             {"der", action_values(phi_dqn(), true, 51)},
             {"der_impala", action_values(impala(), true, 51)},
+            {"sac_ram",
+             with_observation({2, 128}, actor(cale::flat(), {}, squashed_gaussian, 2, Layer::Kind::relu))},
             {"sac_compact", with_observation({2, 40, 33}, actor(compact(), tanh_actor))},
             {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
             {"rainbow_factored",

@@ -87,6 +87,32 @@ TEST(ObserverTest, ColourIsSeenAsItsLuminance) {
     EXPECT_TRUE(std::ranges::equal(in_colour.observation(), in_gray.observation()));
 }
 
+TEST(ObserverTest, MemoryIsSeenAsItIsAfterEveryStep) {
+    auto info = two_frames(2);
+    info.frame_height = 1;
+    info.frame_width = 3;
+    info.life_loss_ends_episode = true;
+    Observer observer(info);
+    EXPECT_TRUE(observer.reads_memory());
+    const auto observation = [&] {
+        return std::vector<int>(observer.observation().begin(), observer.observation().end());
+    };
+    using Bytes = std::vector<std::uint8_t>;
+    observer.start(Bytes{1, 2, 3});
+    EXPECT_EQ(observation(), (std::vector{0, 0, 0, 1, 2, 3}));
+    observer.see(Bytes{9, 9, 9});
+    EXPECT_FALSE(observer.due());
+    observer.see(Bytes{4, 5, 6});
+    EXPECT_TRUE(observer.due());
+    EXPECT_EQ(observation(), (std::vector{1, 2, 3, 4, 5, 6}));
+    observer.see(Bytes{7, 8, 9});
+    observer.lose_life();
+    EXPECT_EQ(observation(), (std::vector{0, 0, 0, 7, 8, 9}));
+    EXPECT_THAT(test::message_of([&] { observer.see(Bytes(4)); }),
+                HasSubstr("reads the console's memory: give it 3 bytes, not 4"));
+    EXPECT_FALSE(Observer(two_frames()).reads_memory());
+}
+
 TEST(ObserverTest, RefusesOtherSizes) {
     Observer observer(two_frames());
     EXPECT_THAT(test::message_of([&] { observer.start(std::vector<std::uint8_t>(100)); }),
