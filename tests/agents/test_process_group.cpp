@@ -248,7 +248,8 @@ class PpoInProcesses : public testing::TestWithParam<World> {
             cale::live(agent, GetParam().spec, count * processes.rank(), count, step);
     }
 
-    /// What is counted, drawn and seen is the same; what is computed differs by the order of sums.
+    /// What is counted, drawn and seen is the same; what is computed differs by the order of sums, which Adam
+    /// makes a part of a step where a gradient is close to zero. Steps are 2.5e-4 long.
     static void expect_close(const TensorMap& found, const TensorMap& expected) {
         ASSERT_EQ(found.size(), expected.size());
         for (const auto& [name, value] : expected) {
@@ -257,7 +258,7 @@ class PpoInProcesses : public testing::TestWithParam<World> {
                 EXPECT_TRUE(torch::equal(found.at(name), value)) << name;
                 continue;
             }
-            EXPECT_TRUE(torch::allclose(found.at(name), value, 1e-4, 1e-5))
+            EXPECT_TRUE(torch::allclose(found.at(name), value, 1e-4, 1e-4))
                 << name << ": " << (found.at(name) - value).abs().max().item<double>();
         }
     }

@@ -1,0 +1,34 @@
+"""Prints the mean training returns of a sweep's runs in every 10,000 agent steps.
+
+    python3 docs/results/windows.py RUNS
+
+RUNS holds folders Game__variant__seed. `mean` is the mean over the seeds of a run's mean return over the games that ended in
+the 10,000 steps up to `steps`; `games` is how many these were.
+"""
+import collections
+import csv
+import pathlib
+import sys
+
+WINDOW = 10_000
+
+
+def rows_of(path):
+    return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
+
+
+cells = collections.defaultdict(list)
+for run in sorted(pathlib.Path(sys.argv[1]).iterdir()):
+    game, *variant, _ = run.name.split("__")
+    reached = int(rows_of(run / "progress.csv")[-1]["global_step"])
+    returns = collections.defaultdict(list)
+    for row in rows_of(run / "episodes.csv"):
+        returns[-(-int(row["global_step"]) // WINDOW) * WINDOW].append(float(row["r"]))
+    for steps in sorted(returns):
+        if steps <= reached:
+            cells[game, "__".join(variant), steps].append(returns[steps])
+
+print("game,variant,steps,runs,games,mean")
+for (game, variant, steps), runs in sorted(cells.items()):
+    mean = sum(sum(returns) / len(returns) for returns in runs) / len(runs)
+    print(f"{game},{variant},{steps},{len(runs)},{sum(map(len, runs))},{mean:.2f}")
