@@ -77,7 +77,7 @@ LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std
     }
 }
 
-torch::Tensor LayerStack::operator()(torch::Tensor x) const {
+torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch) const {
     torch::Tensor kept;
     bool behind_product = false;
     for (const auto& [layer, parameters] : items_) {
@@ -117,6 +117,7 @@ torch::Tensor LayerStack::operator()(torch::Tensor x) const {
             }
         }
         behind_product = layer.kind == Kind::conv || layer.kind == Kind::dense;
+        if (watch && (layer.kind == Kind::relu || layer.kind == Kind::tanh)) watch(x);
     }
     return x;
 }

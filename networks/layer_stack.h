@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <variant>
 #include <vector>
 
@@ -19,12 +20,15 @@ namespace cale {
 /// their names.
 class LayerStack {
   public:
+    /// Is shown the result of every ReLU and every tanh.
+    using Watch = std::function<void(const torch::Tensor&)>;
+
     /// On an input [stack, rows, columns], [stack, bytes] or [n]. Throws as sized_layers() does.
     LayerStack(torch::nn::Module& owner, const Layers& layers, const std::vector<std::int64_t>& input,
                const Initialiser& initialise, const at::Generator& generator);
 
     /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened.
-    torch::Tensor operator()(torch::Tensor x) const;
+    torch::Tensor operator()(torch::Tensor x, const Watch& watch = {}) const;
 
     /// [B, input] bytes as numbers from 0 to 1, as these layers want them; bytes may come as images of one
     /// row, [B, stack, 1, n]. Throws std::invalid_argument, naming both shapes, for anything else.

@@ -40,12 +40,20 @@ std::optional<PolicyInfo> run_policy_info(const TrainingWorld& world, const RunS
     return info;
 }
 
-std::string policy_contents(const PolicySnapshot& snapshot) {
-    PolicyFile file{.info = snapshot.info, .network = snapshot.agent.network, .weights = {}, .golden = {}};
-    for (const auto& [name, tensor] : snapshot.agent.weights) {
+std::map<std::string, std::vector<float>> numbers_of(const TensorMap& weights) {
+    std::map<std::string, std::vector<float>> all;
+    for (const auto& [name, tensor] : weights) {
         const float* const numbers = tensor.const_data_ptr<float>();
-        file.weights[name].assign(numbers, numbers + tensor.numel());
+        all[name].assign(numbers, numbers + tensor.numel());
     }
+    return all;
+}
+
+std::string policy_contents(const PolicySnapshot& snapshot) {
+    PolicyFile file{.info = snapshot.info,
+                    .network = snapshot.agent.network,
+                    .weights = numbers_of(snapshot.agent.weights),
+                    .golden = {}};
     file.info.evaluation_samples = snapshot.agent.samples;
     file.info.epsilon = snapshot.agent.epsilon;
     set_observation(file.info, file.network.observation);

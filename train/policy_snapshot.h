@@ -1,8 +1,10 @@
 // The policy file of a checkpoint, made from the agent's policy and the run's description.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "agents/agent.h"
 #include "policy/policy_info.h"
@@ -18,6 +20,9 @@ struct PolicySnapshot {
     AgentPolicy agent;
     PolicyInfo info;  // except for the agent's part
 };
+
+/// Returns the weights as a policy file holds them.
+std::map<std::string, std::vector<float>> numbers_of(const TensorMap& weights);
 
 /// Returns a run's description for the policy file, without the current step; none for a world without policy
 /// files.

@@ -16,6 +16,7 @@
 #include "terminal/console.h"
 #include "terminal/stop_signals.h"
 #include "train/checkpoint_writer.h"
+#include "train/dormant_units.h"
 #include "train/event_file.h"
 
 namespace cale {
@@ -277,6 +278,9 @@ void Recorder::write_row(bool to_tensorboard) {
             metrics["zones/" + zone] = share;
     }
     state_.reported_events = state_.joystick_events;
+    const auto seed = static_cast<std::uint64_t>(settings_.train.seed);
+    if (const auto share = dormant_share(agent_, derive_seed(seed, "dormant units at", state_.step)))
+        metrics["charts/dormant_units"] = *share;
     files_->shown.clear();
     for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
         const auto found = metrics.find(tag);

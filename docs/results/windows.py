@@ -11,6 +11,11 @@ import pathlib
 import sys
 
 WINDOW = 10_000
+AGENTS = {
+    "sac__config=ram100k_plus": "SAC plus",
+    "der__config=ram100k_joystick": "joystick Rainbow",
+    "sac__config=atari100k__encoder=mlp": "the paper's SAC",
+}
 
 
 def rows_of(path):
@@ -20,15 +25,16 @@ def rows_of(path):
 cells = collections.defaultdict(list)
 for run in sorted(pathlib.Path(sys.argv[1]).iterdir()):
     game, *variant, _ = run.name.split("__")
+    agent = AGENTS.get("__".join(variant), "__".join(variant))
     reached = int(rows_of(run / "progress.csv")[-1]["global_step"])
     returns = collections.defaultdict(list)
     for row in rows_of(run / "episodes.csv"):
         returns[-(-int(row["global_step"]) // WINDOW) * WINDOW].append(float(row["r"]))
     for steps in sorted(returns):
         if steps <= reached:
-            cells[game, "__".join(variant), steps].append(returns[steps])
+            cells[game, agent, steps].append(returns[steps])
 
-print("game,variant,steps,runs,games,mean")
-for (game, variant, steps), runs in sorted(cells.items()):
+print("game,agent,steps,runs,games,mean")
+for (game, agent, steps), runs in sorted(cells.items()):
     mean = sum(sum(returns) / len(returns) for returns in runs) / len(runs)
-    print(f"{game},{variant},{steps},{len(runs)},{sum(map(len, runs))},{mean:.2f}")
+    print(f"{game},{agent},{steps},{len(runs)},{sum(map(len, runs))},{mean:.2f}")

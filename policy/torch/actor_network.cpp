@@ -62,8 +62,8 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
     }
 }
 
-torch::Tensor ActorNetwork::output(const torch::Tensor& observations) const {
-    const auto features = layers_(layers_.scaled(observations));
+torch::Tensor ActorNetwork::output(const torch::Tensor& observations, const LayerStack::Watch& watch) const {
+    const auto features = layers_(layers_.scaled(observations), watch);
     switch (head_.kind) {
         case Head::Kind::squashed_gaussian:
             return last_[0]->forward(features);

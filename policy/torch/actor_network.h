@@ -19,9 +19,9 @@ class ActorNetwork {
     ActorNetwork(const NetworkSpec& network, const std::map<std::string, std::vector<float>>& weights,
                  torch::Device device);
 
-    /// [N, observation] uint8 on the network's device -> Policy::output there. Throws std::invalid_argument,
-    /// naming both shapes, for anything else.
-    torch::Tensor output(const torch::Tensor& observations) const;
+    /// [N, observation] uint8 on the network's device -> Policy::output there. `watch` sees all activations.
+    /// Throws std::invalid_argument, naming both shapes, for anything else.
+    torch::Tensor output(const torch::Tensor& observations, const LayerStack::Watch& watch = {}) const;
 
   private:
     torch::Tensor action_values(const torch::Tensor& features) const;

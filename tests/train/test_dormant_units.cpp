@@ -1,0 +1,74 @@
+#include "train/dormant_units.h"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <torch/types.h>
+
+#include "replay/replay.h"
+
+namespace cale {
+namespace {
+
+/// Sees two bytes, has four units behind a ReLU, and a replay of one transition whose bytes are `seen`.
+class OfFourUnits final : public Agent {
+  public:
+    explicit OfFourUnits(std::vector<std::uint8_t> seen = {}) {
+        if (seen.empty()) return;
+        replay_->add(0, {.frame = seen, .terminal = true});
+        replay_->add(0, {.frame = seen, .terminal = true});
+    }
+
+    torch::Tensor act(const torch::Tensor&, ActMode) override { return {}; }
+    void observe(const StepBatch&) override {}
+    bool update(const torch::Tensor&) override { return false; }
+    std::map<std::string, double> metrics() override { return {}; }
+    TensorMap state() override { return {}; }
+    void load_state(const TensorMap&) override {}
+    Replay* replay() override { return replay_.get(); }
+    std::optional<AgentPolicy> policy() const override {
+        return AgentPolicy{
+            .network = {.observation = {1, 2},
+                        .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("hidden", 4),
+                                   Layer::of(Layer::Kind::relu)},
+                        .head = {.kind = Head::Kind::values, .num_actions = 2}},
+            .weights = {{"hidden.weight", weight},
+                        {"hidden.bias", bias},
+                        {"head.out.weight", torch::zeros({2, 4})},
+                        {"head.out.bias", torch::zeros({2})}}};
+    }
+
+    // [4, 2] and [4]: activations of 1, 0.5, 0.01 and 0 where both bytes are 255.
+    torch::Tensor weight = torch::tensor({{1.0f, 0.0f}, {0.0f, 0.5f}, {0.01f, 0.0f}, {0.0f, 0.0f}});
+    torch::Tensor bias = torch::tensor({0.0f, 0.0f, 0.0f, -1.0f});
+
+  private:
+    std::unique_ptr<Replay> replay_ =
+        make_replay({.capacity = 10, .stack = 1, .frame_shape = {2}, .action_size = 0}, std::nullopt);
+};
+
+TEST(DormantShare, CountsTheUnitsFarBelowTheMeanOfTheirLayer) {
+    OfFourUnits agent({255, 255});
+    EXPECT_EQ(dormant_share(agent, 1), 0.25);  // 0.01 is above 0.025 x 0.3775
+    agent.weight[2][0] = 0.009f;               // and this is below 0.025 x 0.37725
+    EXPECT_EQ(dormant_share(agent, 1), 0.5);
+    agent.bias[3] = 1.0f;
+    EXPECT_EQ(dormant_share(agent, 1), 0.25);
+}
+
+TEST(DormantShare, AllUnitsAreWhereNothingIsActive) {
+    OfFourUnits agent({0, 0});
+    EXPECT_EQ(dormant_share(agent, 1), 1);
+}
+
+TEST(DormantShare, NoneBeforeTheFirstTransition) {
+    OfFourUnits agent;
+    EXPECT_EQ(dormant_share(agent, 1), std::nullopt);
+}
+
+}  // namespace
+}  // namespace cale
