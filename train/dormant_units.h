@@ -9,10 +9,10 @@
 
 namespace cale {
 
-/// Returns the share of the units before the last layer of the acting network that are dormant on 64 observations
-/// drawn from the agent's replay with `seed`: those whose mean absolute activation is at most 0.025 times the mean
-/// of their layer (definition 3.1; the units of a convolution are its channels). Changes nothing. None for an agent
-/// without a replay, before its first transition, or without an exportable policy.
+/// Returns the share of the units before the last layer of the acting network that are dormant on 64
+/// observations drawn from the agent's replay with `seed`: those whose mean absolute activation is at most
+/// 0.025 times the mean of their layer (definition 3.1; the units of a convolution are its channels). Changes
+/// nothing. None for an agent without a replay, before its first transition, or without an exportable policy.
 std::optional<double> dormant_share(Agent& agent, std::uint64_t seed);
 
 }  // namespace cale

@@ -31,15 +31,14 @@ class OfFourUnits final : public Agent {
     void load_state(const TensorMap&) override {}
     Replay* replay() override { return replay_.get(); }
     std::optional<AgentPolicy> policy() const override {
-        return AgentPolicy{
-            .network = {.observation = {1, 2},
-                        .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("hidden", 4),
-                                   Layer::of(Layer::Kind::relu)},
-                        .head = {.kind = Head::Kind::values, .num_actions = 2}},
-            .weights = {{"hidden.weight", weight},
-                        {"hidden.bias", bias},
-                        {"head.out.weight", torch::zeros({2, 4})},
-                        {"head.out.bias", torch::zeros({2})}}};
+        return AgentPolicy{.network = {.observation = {1, 2},
+                                       .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("hidden", 4),
+                                                  Layer::of(Layer::Kind::relu)},
+                                       .head = {.kind = Head::Kind::values, .num_actions = 2}},
+                           .weights = {{"hidden.weight", weight},
+                                       {"hidden.bias", bias},
+                                       {"head.out.weight", torch::zeros({2, 4})},
+                                       {"head.out.bias", torch::zeros({2})}}};
     }
 
     // [4, 2] and [4]: activations of 1, 0.5, 0.01 and 0 where both bytes are 255.
