@@ -16,8 +16,9 @@ std::optional<double> dormant_share(Agent& agent, std::uint64_t seed) {
     constexpr double threshold = 0.025;
 
     auto* const replay = agent.replay();
-    const auto policy = agent.policy();
-    if (replay == nullptr || replay->size() == 0 || !policy) return std::nullopt;
+    if (replay == nullptr || replay->size() == 0) return std::nullopt;
+    const auto policy = agent.policy();  // a copy of the weights
+    if (!policy) return std::nullopt;
     auto batch = replay->empty_batch(observations);
     std::mt19937_64 random(seed);
     replay->sample_into(batch, random);
