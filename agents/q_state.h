@@ -33,7 +33,8 @@ struct QSettings {
 template <class Visit>
 void fields(QSettings& settings, Visit&& visit) {
     visit("encoder", settings.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, compact; for bytes mlp, or "
+          "how observations become features: phi_sac, phi_dqn, impala, compact, data_efficient; for bytes "
+          "mlp, or "
           "flat, which has no layer");
     visit("padding", settings.padding,
           "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");

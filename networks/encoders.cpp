@@ -34,7 +34,7 @@ Layers no_branch(const EncoderConfig&, bool) {
 }
 
 /// In the order of EncoderKind.
-constexpr std::array<Encoder, 6> kEncoders{{
+constexpr std::array<Encoder, 7> kEncoders{{
     {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, narrow_branch,
      [] { return orthogonal(); }},
     {"phi_dqn",
@@ -45,6 +45,7 @@ constexpr std::array<Encoder, 6> kEncoders{{
      glorot_uniform},
     {"compact", [](const EncoderConfig&) { return compact(); }, narrow_branch, glorot_uniform},
     {"flat", [](const EncoderConfig&) { return flat(); }, no_branch, glorot_uniform},
+    {"data_efficient", [](const EncoderConfig&) { return data_efficient(); }, narrow_branch, glorot_uniform},
 }};
 
 const Encoder& encoder_of(const EncoderConfig& config) {

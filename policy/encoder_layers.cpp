@@ -64,6 +64,11 @@ Layers compact() {
     return layers;
 }
 
+Layers data_efficient() {
+    return {Layer::conv("conv1", 32, 5, 5, Padding::valid), relu(),
+            Layer::conv("conv2", 64, 5, 5, Padding::valid), relu(), Layer::of(Layer::Kind::flatten)};
+}
+
 Layers mlp(bool layer_norm) {
     constexpr std::int64_t units = 256;
     return chain(

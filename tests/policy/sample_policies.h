@@ -121,6 +121,7 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"sac_ram",
              with_observation({2, 128}, actor(cale::flat(), {}, squashed_gaussian, 2, Layer::Kind::relu))},
             {"sac_compact", with_observation({2, 40, 33}, actor(compact(), tanh_actor))},
+            {"der_data_efficient", with_observation({2, 40, 33}, action_values(data_efficient(), true, 51))},
             {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
             {"rainbow_factored",
              with_observation({4, 128}, with_actions(18, action_values(mlp(true), true, 51)))},

@@ -112,14 +112,16 @@ TEST_P(RawFramesEmulator, AreSeenAsInTraining) {
 }
 
 TEST_P(RawFramesEmulator, GiveTheReturnsOfAnEvaluation) {
-    const auto env_config = config();
+    auto env_config = config();
+    // An untrained policy may never serve Breakout's next ball.
+    env_config.max_frames_per_episode = 8'000;
     const auto network = test::actor(phi_dqn(), relu_branch("actor", /*layer_norm=*/false));
     auto file = test::sample_policy(test::with_observation({4, 84, 84}, network));
     file.info.life_loss_ends_episode = env_config.terminal_on_life_loss;
     const auto contents = policy_file_contents(file);
     const auto policy = Policy::parse(contents);
 
-    // As an evaluation does it: a whole game.
+    // As an evaluation does it: a whole game, or its first 2,000 steps.
     std::vector<float> rewards;
     std::vector<Event> events;
     {
