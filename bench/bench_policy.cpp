@@ -1,16 +1,21 @@
-// Milliseconds per decision on one observation, on one core: LibTorch (cale::Policy) and cale::lite::Policy
-// with the same weights.
-//   bench_policy --benchmark_filter=phi_sac
+// Milliseconds per batch of decisions on one core: LibTorch (cale::Policy) and cale::lite::Policy with the
+// same weights. Before the first of them the policies can be written as ONNX models, for other runtimes:
+//   bench_policy --benchmark_filter=phi_sac/lite/8 [--onnx=FOLDER]
+#include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <random>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
+#include <torch/types.h>
 
 #include "policy/encoder_layers.h"
 #include "policy/inference_plan.h"
+#include "policy/onnx/onnx.h"
 #include "policy/policy_file.h"
 #include "policy/policy_lite.h"
 #include "policy/torch/policy.h"
@@ -53,17 +58,32 @@ std::string policy_contents(const std::string& encoder) {
     return policy_file_contents(policy);
 }
 
+std::vector<std::uint8_t> observations(const PolicyInfo& info, std::int64_t count) {
+    std::vector<std::uint8_t> all;
+    for (std::int64_t i = 0; i < count; ++i) {
+        const auto one = golden_observation(info);
+        all.insert(all.end(), one.begin(), one.end());
+    }
+    return all;
+}
+
 void libtorch(benchmark::State& state, const std::string& encoder) {
     const auto policy = Policy::parse(policy_contents(encoder));
-    const auto observation = golden_observation(policy.info());
-    for (auto _ : state) benchmark::DoNotOptimize(policy.act(observation));
+    auto bytes = observations(policy.info(), state.range(0));
+    const auto batch = torch::from_blob(bytes.data(), {state.range(0), 4, 84, 84}, torch::kUInt8);
+    for (auto _ : state) benchmark::DoNotOptimize(policy.act(batch));
 }
 
 void lite_policy(benchmark::State& state, const std::string& encoder) {
     const auto policy = lite::Policy::parse(policy_contents(encoder));
-    auto workspace = policy.workspace();
-    const auto observation = golden_observation(policy.info());
-    for (auto _ : state) benchmark::DoNotOptimize(policy.act(observation, workspace));
+    const auto count = static_cast<std::size_t>(state.range(0));
+    auto workspace = policy.workspace(std::min<std::size_t>(count, 8));
+    const auto bytes = observations(policy.info(), state.range(0));
+    std::vector<Decision> decisions(count);
+    for (auto _ : state) {
+        policy.act(bytes, decisions, workspace);
+        benchmark::DoNotOptimize(decisions.data());
+    }
     state.SetLabel(std::string(lite::instruction_set()));
 }
 
@@ -71,9 +91,18 @@ void lite_policy(benchmark::State& state, const std::string& encoder) {
 
 int main(int argc, char** argv) {
     at::set_num_threads(1);
+    constexpr std::string_view kFlag = "--onnx=";
+    const bool writes = argc > 1 && std::string_view(argv[argc - 1]).starts_with(kFlag);
+    const std::string folder = writes ? argv[--argc] + kFlag.size() : "";
     for (const std::string encoder : {"phi_sac", "phi_dqn", "impala"}) {
+        if (writes)
+            std::ofstream(folder + "/" + encoder + ".onnx")
+                << onnx_model(parse_policy_file(policy_contents(encoder)));
         const auto add = [&](const char* who, auto function) {
             benchmark::RegisterBenchmark((encoder + "/" + who).c_str(), function, encoder)
+                ->Arg(1)
+                ->Arg(8)
+                ->Arg(64)
                 ->Unit(benchmark::kMillisecond)
                 ->UseRealTime();
         };

@@ -19,12 +19,40 @@ std::size_t count(const Place& place) {
 
 }  // namespace
 
-std::span<const float> InferencePlan::run(std::span<const std::uint8_t> observation,
-                                          std::span<float> memory) const {
-    read_pixels(observation, memory.data());
-    for (const auto& step : steps_) run_step(step, memory.data());
-    finish(memory.data());
-    return memory.subspan(output_.begin, count(output_));
+void InferencePlan::run(std::span<const std::uint8_t> observations, std::size_t count,
+                        std::span<float> memory) const {
+    const auto each = [&](auto&& compute) {
+        for (std::size_t i = 0; i < count; ++i) compute(i, memory.data() + i * memory_size);
+    };
+    const auto bytes = info.observation_size();
+    each([&](std::size_t i, float* own) { read_pixels(observations.subspan(i * bytes, bytes), own); });
+    for (auto step = steps_.begin(); step != steps_.end();) {
+        if (step->kind == Step::Kind::dense) {
+            run_dense(*step++, count, memory.data());
+            continue;
+        }
+        // An image stays in the cache from layer to layer.
+        const auto dense =
+            std::find_if(step, steps_.end(), [](const Step& next) { return next.kind == Step::Kind::dense; });
+        each([&](std::size_t, float* own) {
+            std::for_each(step, dense, [&](const Step& next) { run_step(next, own); });
+        });
+        step = dense;
+    }
+    each([&](std::size_t, float* own) { finish(own); });
+}
+
+std::span<const float> InferencePlan::output(std::span<const float> memory, std::size_t i) const {
+    return memory.subspan(i * memory_size + output_.begin, count(output_));
+}
+
+void InferencePlan::run_dense(const Step& step, std::size_t observations, float* memory) const {
+    kernels().dense({.outputs = count(step.out),
+                     .inputs = count(step.in),
+                     .vectors = observations,
+                     .next_vector = memory_size},
+                    memory + step.in.begin, weights_.data() + step.weight, weights_.data() + step.bias,
+                    memory + step.out.begin);
 }
 
 void InferencePlan::read_pixels(std::span<const std::uint8_t> observation, float* memory) const {
@@ -149,7 +177,7 @@ void InferencePlan::run_step(const Step& step, float* memory) const {
             flatten(step, in, out);
             break;
         case Step::Kind::dense:
-            kernels().dense(count(step.out), count(step.in), in, weight, bias, out);
+            run_dense(step, 1, memory);
             break;
         case Step::Kind::layer_norm:
             layer_norm(count(step.out), weight, bias, out);
@@ -227,7 +255,8 @@ void set_golden_pair(PolicyFile& policy) {
     policy.golden.observation = golden_observation(policy.info);
     const lite::InferencePlan plan(policy);
     lite::Floats memory(plan.memory_size);
-    const auto output = plan.run(policy.golden.observation, memory);
+    plan.run(policy.golden.observation, 1, memory);
+    const auto output = plan.output(memory, 0);
     policy.golden.output.assign(output.begin(), output.end());
 }
 

@@ -46,9 +46,11 @@ struct Step {
 struct InferencePlan {
     explicit InferencePlan(const PolicyFile& file);
 
-    /// Computes in `memory`, which must have `memory_size` floats and be all zero before its first use.
-    /// Returns the output in it.
-    std::span<const float> run(std::span<const std::uint8_t> observation, std::span<float> memory) const;
+    /// Computes in `memory`, which must have `memory_size` floats for each of the observations, one behind
+    /// the other, and be all zero before its first use.
+    void run(std::span<const std::uint8_t> observations, std::size_t count, std::span<float> memory) const;
+    /// The output for observation `i` of the last run() in this memory.
+    std::span<const float> output(std::span<const float> memory, std::size_t i) const;
 
     PolicyInfo info;
     Head head;
@@ -58,6 +60,7 @@ struct InferencePlan {
     class Builder;
     void read_pixels(std::span<const std::uint8_t> observation, float* memory) const;
     void run_step(const Step& step, float* memory) const;
+    void run_dense(const Step& step, std::size_t count, float* memory) const;
     void finish(float* memory) const;
 
     Floats weights_;

@@ -1,4 +1,4 @@
-// The inner loops of a network for one observation, compiled once for every instruction set.
+// The inner loops of a network, compiled once for every instruction set.
 #pragma once
 
 #include <cstddef>
@@ -26,14 +26,22 @@ struct Convolution {
     Store store = Store::plain;
 };
 
+/// A dense layer on the vectors of several observations, which share each pass over the weights. A vector's
+/// result does not depend on how many there are.
+struct DenseShape {
+    std::size_t outputs = 0, inputs = 0;
+    std::size_t vectors = 1;      // of observations
+    std::size_t next_vector = 0;  // floats from one observation's input to the next one's, and so of outputs
+};
+
 struct Kernels {
     const char* name;
     std::size_t vector;  // floats that are computed in one instruction
     void (*convolve)(const Convolution& shape, const float* input, const float* weights, const float* bias,
                      float* output);
     /// output = weights [outputs, inputs] x input + bias
-    void (*dense)(std::size_t outputs, std::size_t inputs, const float* input, const float* weights,
-                  const float* bias, float* output);
+    void (*dense)(const DenseShape& shape, const float* input, const float* weights, const float* bias,
+                  float* output);
 };
 
 /// Returns the fastest kernels that this machine can run.

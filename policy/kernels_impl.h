@@ -100,37 +100,77 @@ struct Loops {
         return width;
     }
 
+    static constexpr std::size_t kMostVectors = 8;
+    /// Vectors that meet four rows of the weights in the registers.
+    static constexpr std::size_t kTogether = kMostPixels > 8 ? 4 : 2;
+    /// Numbers of a row of the weights that are used for all vectors before the next ones: four rows of them
+    /// stay in the first cache.
+    static constexpr std::size_t kTile = 1024;
+
     /// Four rows of the weights at a time: as many streams from memory.
-    static void dense(std::size_t outputs, std::size_t inputs, const float* input, const float* weights,
-                      const float* bias, float* output) {
-        std::size_t row = 0;
-        for (; row + 4 <= outputs; row += 4)
-            rows<4>(inputs, input, weights + row * inputs, bias + row, output + row);
-        for (; row < outputs; ++row) rows<1>(inputs, input, weights + row * inputs, bias + row, output + row);
+    static void dense(const DenseShape& shape, const float* input, const float* weights, const float* bias,
+                      float* output) {
+        for (std::size_t first = 0; first < shape.vectors; first += kMostVectors) {
+            const std::size_t left = shape.vectors - first;
+            const std::size_t vectors = left < kMostVectors ? left : kMostVectors;
+            const float* const from = input + first * shape.next_vector;
+            float* const to = output + first * shape.next_vector;
+            std::size_t row = 0;
+            for (; row + 4 <= shape.outputs; row += 4)
+                rows<4>(shape, vectors, from, weights + row * shape.inputs, bias + row, to + row);
+            for (; row < shape.outputs; ++row)
+                rows<1>(shape, vectors, from, weights + row * shape.inputs, bias + row, to + row);
+        }
     }
 
     template <std::size_t kRows>
-    static void rows(std::size_t inputs, const float* input, const float* weights, const float* bias,
-                     float* output) {
-        Register sums[kRows][2] = {};
-        std::size_t k = 0;
-        for (; k + 2 * kLanes <= inputs; k += 2 * kLanes) {
-            Register first = load(input + k), second = load(input + k + kLanes);
-#pragma GCC unroll 4
+    static void rows(const DenseShape& shape, std::size_t vectors, const float* input, const float* weights,
+                     const float* bias, float* output) {
+        Register sums[kMostVectors][kRows] = {};
+        const std::size_t whole = shape.inputs / kLanes * kLanes;
+        for (std::size_t begin = 0; begin < whole; begin += kTile) {
+            const std::size_t end = begin + kTile < whole ? begin + kTile : whole;
+            std::size_t v = 0;
+            for (; v + kTogether <= vectors; v += kTogether)
+                add_products<kRows, kTogether>(shape, begin, end, input + v * shape.next_vector, weights,
+                                               sums + v);
+            for (; v < vectors; ++v)
+                add_products<kRows, 1>(shape, begin, end, input + v * shape.next_vector, weights, sums + v);
+        }
+        for (std::size_t v = 0; v < vectors; ++v) {
+            const float* const numbers = input + v * shape.next_vector;
             for (std::size_t r = 0; r < kRows; ++r) {
-                const float* const weight = weights + r * inputs + k;
-                sums[r][0] += load(weight) * first;
-                sums[r][1] += load(weight + kLanes) * second;
+                float lanes[kLanes];
+                save(lanes, sums[v][r]);
+                float sum = bias[r];
+                for (const float lane : lanes) sum += lane;
+                for (std::size_t rest = whole; rest < shape.inputs; ++rest)
+                    sum += weights[r * shape.inputs + rest] * numbers[rest];
+                output[v * shape.next_vector + r] = sum;
             }
         }
-        for (std::size_t r = 0; r < kRows; ++r) {
-            float lanes[kLanes];
-            save(lanes, sums[r][0] + sums[r][1]);
-            float sum = bias[r];
-            for (const float lane : lanes) sum += lane;
-            for (std::size_t rest = k; rest < inputs; ++rest) sum += weights[r * inputs + rest] * input[rest];
-            output[r] = sum;
+    }
+
+    /// Adds the products of the numbers from `begin` to `end` to sums[vector][row].
+    template <std::size_t kRows, std::size_t kVectors>
+    static void add_products(const DenseShape& shape, std::size_t begin, std::size_t end, const float* input,
+                             const float* weights, Register (*total)[kRows]) {
+        Register sums[kVectors][kRows];
+        for (std::size_t v = 0; v < kVectors; ++v)
+            for (std::size_t r = 0; r < kRows; ++r) sums[v][r] = total[v][r];
+        for (std::size_t k = begin; k < end; k += kLanes) {
+            Register numbers[kVectors];
+#pragma GCC unroll 4
+            for (std::size_t v = 0; v < kVectors; ++v) numbers[v] = load(input + v * shape.next_vector + k);
+#pragma GCC unroll 4
+            for (std::size_t r = 0; r < kRows; ++r) {
+                const Register weight = load(weights + r * shape.inputs + k);
+#pragma GCC unroll 4
+                for (std::size_t v = 0; v < kVectors; ++v) sums[v][r] += weight * numbers[v];
+            }
         }
+        for (std::size_t v = 0; v < kVectors; ++v)
+            for (std::size_t r = 0; r < kRows; ++r) total[v][r] = sums[v][r];
     }
 };
 

@@ -96,37 +96,55 @@ std::size_t Policy::output_size() const {
     return static_cast<std::size_t>(cale::output_size(plan_->head));
 }
 
-Workspace Policy::workspace() const {
+Workspace Policy::workspace(std::size_t observations) const {
+    if (observations == 0) throw std::invalid_argument("a workspace has room for at least one observation");
     Workspace workspace;
     workspace.plan_ = plan_.get();
-    workspace.numbers_.resize(plan_->memory_size);
+    workspace.numbers_.resize(plan_->memory_size * observations);
     return workspace;
 }
 
+namespace {
+
+void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
+    if (of_workspace != plan) throw std::invalid_argument("this workspace was made by another policy");
+}
+
+}  // namespace
+
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
-    if (workspace.plan_ != plan_.get())
-        throw std::invalid_argument("this workspace was made by another policy");
+    require_own(plan_.get(), workspace.plan_);
     if (observation.size() != info().observation_size()) {
         throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
                                     " bytes: it must have " + std::to_string(info().observation_size()));
     }
-    return plan_->run(observation, workspace.numbers_);
+    plan_->run(observation, 1, workspace.numbers_);
+    return plan_->output(workspace.numbers_, 0);
 }
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace) const {
     return greedy(info(), output(observation, workspace));
 }
 
+namespace {
+
+Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choice choice,
+                std::mt19937_64& random) {
+    const auto& info = plan.info;
+    const bool evaluated = choice == Choice::as_evaluated;
+    if (evaluated && info.epsilon > 0 && static_cast<double>(uniform(random)) <= info.epsilon)
+        return uniform_decision(info, random);
+    const bool samples = choice == Choice::sampled || (evaluated && info.evaluation_samples);
+    // Action values are no distribution.
+    const bool has_distribution = plan.head.kind != Head::Kind::values;
+    return samples && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
+}
+
+}  // namespace
+
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                      std::mt19937_64& random) const {
-    const auto numbers = output(observation, workspace);
-    const bool evaluated = choice == Choice::as_evaluated;
-    if (evaluated && info().epsilon > 0 && static_cast<double>(uniform(random)) <= info().epsilon)
-        return uniform_decision(info(), random);
-    const bool samples = choice == Choice::sampled || (evaluated && info().evaluation_samples);
-    // Action values are no distribution.
-    const bool has_distribution = plan_->head.kind != Head::Kind::values;
-    return samples && has_distribution ? sampled(info(), numbers, random) : greedy(info(), numbers);
+    return chosen(*plan_, output(observation, workspace), choice, random);
 }
 
 void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
@@ -143,8 +161,14 @@ void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision>
                                     std::to_string(decisions.size() * size) + " bytes, not " +
                                     std::to_string(observations.size()));
     }
-    for (std::size_t i = 0; i < decisions.size(); ++i)
-        decisions[i] = act(observations.subspan(i * size, size), workspace, choice, random);
+    require_own(plan_.get(), workspace.plan_);
+    const auto room = workspace.numbers_.size() / plan_->memory_size;
+    for (std::size_t first = 0; first < decisions.size(); first += room) {
+        const auto count = std::min(room, decisions.size() - first);
+        plan_->run(observations.subspan(first * size, count * size), count, workspace.numbers_);
+        for (std::size_t i = 0; i < count; ++i)
+            decisions[first + i] = chosen(*plan_, plan_->output(workspace.numbers_, i), choice, random);
+    }
 }
 
 std::string_view instruction_set() {

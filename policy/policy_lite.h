@@ -27,7 +27,8 @@ namespace cale::lite {
 
 struct InferencePlan;  // the network as this library computes it
 
-/// Memory for the numbers inside a network, one per thread. Made by Policy::workspace(), for that policy.
+/// Memory for the numbers inside a network on one or several observations, one per thread. Made by
+/// Policy::workspace(), for that policy.
 class Workspace {
   private:
     friend class Policy;
@@ -52,8 +53,10 @@ class Policy {
     /// action: log-probabilities, or action values.
     std::size_t output_size() const;
 
-    /// Memory for one thread that acts with this policy.
-    Workspace workspace() const;
+    /// Memory for one thread that acts with this policy, on up to so many observations at a time: they share
+    /// each pass over the weights. Eight are worth it; more only cost memory. Throws std::invalid_argument
+    /// for 0.
+    Workspace workspace(std::size_t observations = 1) const;
 
     /// The greedy decision on an observation [stack, frame_height, frame_width]. Allocates nothing.
     /// Throws std::invalid_argument for another number of bytes or another policy's workspace.
@@ -61,7 +64,8 @@ class Policy {
     /// The same by `choice`, with the caller's generator.
     Decision act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                  std::mt19937_64& random) const;
-    /// For N observations, one after another, N decisions.
+    /// For N observations, one after another, N decisions: the same as one by one, and sooner where the
+    /// workspace has room for several.
     void act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
              Workspace& workspace) const;
     /// The same by `choice`.

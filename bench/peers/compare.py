@@ -39,11 +39,13 @@ RUNS = [  # agent, network, configuration, settings that make it what the peers 
     ("ppo", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
     ("ppo", "nature", "discrete", ATARI100K + "agent.epochs=3", ["sb3 nature", "cleanrl nature"]),
 ]
+DECISIONS = ["phi_sac", "phi_dqn", "impala"]
+BATCHES = [1, 8, 64]
 SHAPES = [(1, 1), (8, 1), (8, 2), (32, 2)]  # environments, threads
 
 options = argparse.ArgumentParser(prog="bench/compare", description=__doc__)
 options.add_argument("repetitions", nargs="?", type=int, default=5)
-options.add_argument("--only", choices=["env", "update", "end-to-end"])
+options.add_argument("--only", choices=["env", "update", "end-to-end", "decision"])
 options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates and end-to-end runs")
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates")
 options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
@@ -72,7 +74,8 @@ def run(command, threads):
 
 def peer(name, key, threads, *arguments):
     """KEY of the JSON line that the peer's script prints, and its peak memory."""
-    folder, script = {"dopamine": ("jax", "dopamine"), "sb3": ("torch", "sb3"), "cleanrl": ("torch", "cleanrl")}.get(
+    folder, script = {"dopamine": ("jax", "dopamine"), "sb3": ("torch", "sb3"), "cleanrl": ("torch", "cleanrl"),
+                      "onnx": ("env", "onnx")}.get(
         name, ("env", "env"))
     output, memory = run([f"{os.environ['CALE_PEERS']}/{folder}/bin/python", f"{HERE}/{script}_peer.py", *arguments],
                          threads)
@@ -184,13 +187,31 @@ def end_to_end():
                     {p: lambda p=p: peer_run(p, agent, 2) for p in available(peers)})
 
 
+def our_decision(encoder, who, batch):
+    output, memory = run([f"{BINARIES}/bench_policy", f"--benchmark_filter=^{encoder}/{who}/{batch}/",
+                          f"--benchmark_min_time={options.seconds}", "--benchmark_format=json"], 1)
+    return (json.loads(output)["benchmarks"][0]["real_time"], memory) if output else None
+
+
+def decisions():
+    heading("Decisions: milliseconds per batch of a policy file, on one core", "network", "batch")
+    with tempfile.TemporaryDirectory() as folder:
+        run([f"{BINARIES}/bench_policy", "--benchmark_filter=^nothing$", f"--onnx={folder}"], 1)
+        for encoder in DECISIONS:
+            for batch in BATCHES:
+                peers = {"onnxruntime": lambda: peer("onnx", "ms", 1, f"{folder}/{encoder}.onnx", batch),
+                         "cale::Policy": lambda: our_decision(encoder, "libtorch", batch)}
+                compare("decision", encoder, batch, 1, "ms", lambda: our_decision(encoder, "lite", batch), peers)
+
+
 model = re.search(r"model name\s*: (.*)", open("/proc/cpuinfo").read())
 print(f"{model.group(1) if model else 'unknown processor'}, {os.cpu_count()} cores")
 if os.getloadavg()[0] > 0.5:
     print(f"warning: the machine is busy (load {os.getloadavg()[0]:.1f}): these figures are not worth keeping")
 if "CALE_CLEANRL" not in os.environ:
     print("CleanRL's rows are left out: set CALE_CLEANRL to a checkout of vwxyzjn/cleanrl")
-for section, measure in {"env": environments, "update": updates, "end-to-end": end_to_end}.items():
+for section, measure in {"env": environments, "update": updates, "end-to-end": end_to_end,
+                         "decision": decisions}.items():
     if options.only in (None, section):
         measure()
 with open(options.csv, "w", newline="") as file:

@@ -15,6 +15,9 @@ AGENTS = {
     "sac__config=ram100k_plus": "SAC plus",
     "der__config=ram100k_joystick": "joystick Rainbow",
     "sac__config=atari100k__encoder=mlp": "the paper's SAC",
+    "sac__config=atari100k_plus": "SAC plus",
+    "der__config=joystick100k": "joystick Rainbow",
+    "der__config=atari100k__encoder=data_efficient__action_space=full": "DER, 18 actions",
 }
 
 

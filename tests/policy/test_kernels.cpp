@@ -90,12 +90,35 @@ TEST(Kernels, DenseLayersOfEverySize) {
                 const auto input = random_numbers(inputs, 1), weights = random_numbers(inputs * outputs, 2);
                 const auto bias = random_numbers(outputs, 3);
                 std::vector<float> output(outputs);
-                kernels->dense(outputs, inputs, input.data(), weights.data(), bias.data(), output.data());
+                kernels->dense({.outputs = outputs, .inputs = inputs}, input.data(), weights.data(),
+                               bias.data(), output.data());
                 for (std::size_t row = 0; row < outputs; ++row) {
                     double sum = static_cast<double>(bias[row]);
                     for (std::size_t k = 0; k < inputs; ++k)
                         sum += static_cast<double>(weights[row * inputs + k]) * static_cast<double>(input[k]);
                     ASSERT_NEAR(output[row], sum, 1e-5) << kernels->name << " " << outputs << "x" << inputs;
+                }
+            }
+        }
+    }
+}
+
+TEST(Kernels, ADenseLayerTreatsEveryVectorAlike) {
+    for (const auto* kernels : kernels_here()) {
+        for (const std::size_t inputs : {1, 31, 64, 131}) {
+            for (const std::size_t outputs : {1, 4, 6, 9}) {
+                const auto weights = random_numbers(inputs * outputs, 2), bias = random_numbers(outputs, 3);
+                constexpr std::size_t kVectors = 5, kNext = 150;
+                const auto input = random_numbers(kVectors * kNext, 1);
+                std::vector<float> together(kVectors * kNext), alone(outputs);
+                kernels->dense(
+                    {.outputs = outputs, .inputs = inputs, .vectors = kVectors, .next_vector = kNext},
+                    input.data(), weights.data(), bias.data(), together.data());
+                for (std::size_t v = 0; v < kVectors; ++v) {
+                    kernels->dense({.outputs = outputs, .inputs = inputs}, input.data() + v * kNext,
+                                   weights.data(), bias.data(), alone.data());
+                    EXPECT_TRUE(std::equal(alone.begin(), alone.end(), together.data() + v * kNext))
+                        << kernels->name << " " << outputs << "x" << inputs << ", vector " << v;
                 }
             }
         }

@@ -133,18 +133,48 @@ TEST(LitePolicy, AsEvaluatedIsUniformWithProbabilityEpsilon) {
 }
 
 TEST(LitePolicy, ABatchIsItsObservations) {
-    const auto policy = policy_of(named("sac"));
-    auto workspace = policy.workspace();
-    const auto size = policy.info().observation_size();
-    const auto pixels = random_pixels(3 * size, 3);
-    std::vector<Decision> decisions(3);
-    policy.act(pixels, decisions, workspace);
-    for (std::size_t i = 0; i < 3; ++i) {
-        const auto alone = policy.act(std::span(pixels).subspan(i * size, size), workspace);
-        EXPECT_EQ(decisions[i].stick.theta, alone.stick.theta);
+    for (const auto& [name, network] : test::sample_networks()) {
+        const auto policy = policy_of(sample_policy(network));
+        const auto size = policy.info().observation_size();
+        const std::size_t count = 7;
+        const auto pixels = random_pixels(count * size, 3);
+        const auto alone = [&] {
+            auto workspace = policy.workspace();
+            std::mt19937_64 random(1);
+            std::vector<Decision> decisions;
+            for (std::size_t i = 0; i < count; ++i)
+                decisions.push_back(policy.act(std::span(pixels).subspan(i * size, size), workspace,
+                                               Choice::as_evaluated, random));
+            return decisions;
+        }();
+        for (const std::size_t room : {1, 2, 3, 8}) {
+            auto workspace = policy.workspace(room);
+            std::mt19937_64 random(1);
+            std::vector<Decision> decisions(count);
+            const auto before = allocations.load();
+            // Twice: nothing of the first time is left in the memory.
+            for (int time = 0; time < 2; ++time) {
+                random.seed(1);
+                policy.act(pixels, decisions, workspace, Choice::as_evaluated, random);
+            }
+            EXPECT_EQ(allocations.load(), before) << name;
+            for (std::size_t i = 0; i < count; ++i) {
+                EXPECT_EQ(decisions[i].action, alone[i].action) << name << ", room for " << room;
+                EXPECT_EQ(decisions[i].stick.theta, alone[i].stick.theta) << name << ", room for " << room;
+            }
+        }
     }
-    EXPECT_THAT(test::message_of([&] { policy.act(std::span(pixels).first(size), decisions, workspace); }),
+}
+
+TEST(LitePolicy, RefusesBatchesThatAreNone) {
+    const auto policy = policy_of(named("sac"));
+    auto workspace = policy.workspace(2);
+    std::vector<Decision> decisions(3);
+    const auto pixels = random_pixels(policy.info().observation_size(), 3);
+    EXPECT_THAT(test::message_of([&] { policy.act(pixels, decisions, workspace); }),
                 HasSubstr("3 observations have"));
+    EXPECT_EQ(test::message_of([&] { policy.workspace(0); }),
+              "a workspace has room for at least one observation");
 }
 
 TEST(LitePolicy, ActingAllocatesNothing) {
