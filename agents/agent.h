@@ -12,6 +12,7 @@
 #include <torch/types.h>
 
 #include "agents/time_split.h"
+#include "networks/layers.h"
 #include "networks/policy_weights.h"
 #include "policy/network_spec.h"
 #include "world/spaces.h"
@@ -38,10 +39,11 @@ struct AgentSpec {
     std::int64_t num_envs = 1;                    // of this process
     ActionSpace action_space = joystick_space();  // of the world
     ObservationSpace observation = {};            // what the agent sees
-    std::int64_t total_steps = 0;        // agent steps of the whole run, for schedules that end with it
-    bool overlap = false;                // the environments step while the agent learns
-    std::uint64_t seed = 1;              // seeds all randomness of the agent
-    torch::Device device = torch::kCPU;  // where the networks are
+    std::int64_t total_steps = 0;              // agent steps of the whole run, for schedules that end with it
+    bool overlap = false;                      // the environments step while the agent learns
+    std::uint64_t seed = 1;                    // seeds all randomness of the agent
+    torch::Device device = torch::kCPU;        // where the networks are
+    Precision precision = Precision::float32;  // of convolutions and products
     /// The processes that train this agent together, each with num_envs environments. Null: a single process.
     const ProcessGroup* processes = nullptr;
 };

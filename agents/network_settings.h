@@ -23,6 +23,7 @@ struct NetworkSettings {
         return {.encoder = encoder,
                 .phi_dqn = phi_dqn,
                 .observation = observation_shape(spec),
+                .precision = spec.precision,
                 .layer_norm = layer_norm};
     }
     /// Returns the configuration of the actor and of every critic.

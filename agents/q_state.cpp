@@ -19,6 +19,7 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
     return QNetwork(EncoderConfig{.encoder = settings.encoder,
                                   .observation = observation_shape(spec),
                                   .padding = settings.padding,
+                                  .precision = spec.precision,
                                   .layer_norm = settings.layer_norm},
                     head, generator);
 }

@@ -1,8 +1,11 @@
 // Milliseconds per gradient step of every agent, on 84x84 frames and the batch of its configuration:
 //   bench_update --benchmark_filter=sac_phi_sac
-// The number of threads is the benchmark's argument.
+// The number of threads is the benchmark's argument. Where the processor multiplies bfloat16, NAME_bf16 is
+// the same update with train.precision=bf16.
 #include <functional>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
@@ -34,11 +37,12 @@ Batch make_batch(std::int64_t size, bool continuous) {
 /// Makes an update that can be repeated.
 using Update = std::function<void()>;
 
-Update sac(EncoderKind encoder) {
+Update sac(EncoderKind encoder, Precision precision) {
     SacConfig config;
     config.network.encoder = encoder;
     const auto network = [&] {
-        return SacNetwork(config.network.encoder_for({}), config.network.head(), make_generator(1));
+        return SacNetwork(config.network.encoder_for({.precision = precision}), config.network.head(),
+                          make_generator(1));
     };
     const auto learner = std::make_shared<ActorCriticState<SacNetwork>>(
         network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
@@ -49,12 +53,12 @@ Update sac(EncoderKind encoder) {
     };
 }
 
-Update sacd(EncoderKind encoder) {
+Update sacd(EncoderKind encoder, Precision precision) {
     SacdConfig config;
     config.network.encoder = encoder;
     const auto network = [&] {
-        return SacdNetwork(config.network.encoder_for({}), config.network.head(), kActions,
-                           make_generator(1));
+        return SacdNetwork(config.network.encoder_for({.precision = precision}), config.network.head(),
+                           kActions, make_generator(1));
     };
     const auto learner = std::make_shared<ActorCriticState<SacdNetwork>>(
         network(), network(), torch::zeros({1}).requires_grad_(), AdamConfig{});
@@ -64,25 +68,27 @@ Update sacd(EncoderKind encoder) {
 
 /// `nature`: convolutions without padding, as Mnih et al. and the PyTorch peers have them; 58 % of the
 /// multiplications.
-QState q_learner(const QHeadConfig& head, bool nature) {
+QState q_learner(const QHeadConfig& head, bool nature, Precision precision) {
     const auto network = [&] {
         return QNetwork(EncoderConfig{.encoder = EncoderKind::phi_dqn,
-                                      .padding = nature ? Padding::valid : Padding::same},
+                                      .padding = nature ? Padding::valid : Padding::same,
+                                      .precision = precision},
                         head, make_generator(1));
     };
     return {network(), network(), AdamConfig{}};
 }
 
-Update dqn(bool nature) {
+Update dqn(bool nature, Precision precision) {
     const DqnConfig config;
-    const auto learner = std::make_shared<QState>(q_learner({.num_actions = kActions}, nature));
+    const auto learner = std::make_shared<QState>(q_learner({.num_actions = kActions}, nature, precision));
     return [=, batch = make_batch(config.replay.batch_size, false)] { dqn_update(*learner, batch, config); };
 }
 
-Update der(bool nature) {
+Update der(bool nature, Precision precision) {
     const DerConfig config;
-    const auto learner = std::make_shared<QState>(q_learner(
-        {.num_actions = kActions, .num_atoms = config.num_atoms, .dueling = true, .noisy = true}, nature));
+    const auto learner = std::make_shared<QState>(
+        q_learner({.num_actions = kActions, .num_atoms = config.num_atoms, .dueling = true, .noisy = true},
+                  nature, precision));
     auto random = make_generator(1);
     const auto& head = learner->network->head;
     return [=, batch = make_batch(config.replay.batch_size, false),
@@ -92,8 +98,9 @@ Update der(bool nature) {
     };
 }
 
-Update ppo(const PpoNetworkConfig& network_config) {
+Update ppo(PpoNetworkConfig network_config, Precision precision) {
     const PpoConfig config;
+    network_config.encoder.precision = precision;
     PpoNetwork network(network_config, 0, make_generator(1));
     const auto learner = std::make_shared<OnPolicyState>(network, 0, config);
     const auto size = config.minibatch_size;
@@ -106,41 +113,55 @@ Update ppo(const PpoNetworkConfig& network_config) {
     return [=] { ppo_update(*learner, minibatch, config); };
 }
 
-void measure(benchmark::State& state, const std::function<Update()>& make) {
+using MakeUpdate = std::function<Update(Precision)>;
+
+void measure(benchmark::State& state, const MakeUpdate& make, Precision precision) {
     at::globalContext().setFlushDenormal(true);
     at::set_num_threads(static_cast<int>(state.range(0)));
-    const auto update = make();
+    const auto update = make(precision);
     for (int warm_up = 0; warm_up < 3; ++warm_up) update();
     for (auto _ : state) update();
 }
 
-void add(const char* name, const std::function<Update()>& make) {
-    benchmark::RegisterBenchmark(name, [make](benchmark::State& state) { measure(state, make); })
-        ->Arg(1)
-        ->Arg(2)
-        ->Unit(benchmark::kMillisecond)
-        ->UseRealTime();
+void add(const std::string& name, const MakeUpdate& make) {
+    const auto with = [&](const std::string& full_name, Precision precision) {
+        benchmark::RegisterBenchmark(full_name.c_str(),
+                                     [=](benchmark::State& state) { measure(state, make, precision); })
+            ->Arg(1)
+            ->Arg(2)
+            ->Unit(benchmark::kMillisecond)
+            ->UseRealTime();
+    };
+    with(name, Precision::float32);
+    if (multiplies_bf16()) with(name + "_bf16", Precision::bf16);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-    add("sac_phi_sac", [] { return sac(EncoderKind::phi_sac); });
-    add("sac_phi_dqn", [] { return sac(EncoderKind::phi_dqn); });
-    add("sac_impala", [] { return sac(EncoderKind::impala); });
-    add("sacd_phi_dqn", [] { return sacd(EncoderKind::phi_dqn); });
-    add("dqn", [] { return dqn(/*nature=*/false); });
-    add("dqn_nature", [] { return dqn(/*nature=*/true); });
-    add("der", [] { return der(/*nature=*/false); });
-    add("der_nature", [] { return der(/*nature=*/true); });
-    add("ppo_phi_sac_minibatch", [] { return ppo({.encoder = {.encoder = EncoderKind::phi_sac}}); });
-    add("ppo_phi_dqn_minibatch", [] { return ppo({.encoder = {.encoder = EncoderKind::phi_dqn}}); });
-    // One torso, without padding: configs/ppo/discrete.yaml, and what the PyTorch peers have.
-    add("ppo_nature_minibatch", [] {
-        return ppo({.encoder = {.encoder = EncoderKind::phi_dqn, .padding = Padding::valid},
-                    .torso = Torso::shared,
-                    .hidden_layers = 0});
-    });
+    for (const auto encoder : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala,
+                               EncoderKind::compact, EncoderKind::data_efficient}) {
+        add("sac_" + std::string(names_of(encoder)[static_cast<std::size_t>(encoder)]),
+            [=](Precision precision) { return sac(encoder, precision); });
+    }
+    add("sacd_phi_dqn", [](Precision precision) { return sacd(EncoderKind::phi_dqn, precision); });
+    for (const bool nature : {false, true}) {
+        const std::string suffix = nature ? "_nature" : "";
+        add("dqn" + suffix, [=](Precision precision) { return dqn(nature, precision); });
+        add("der" + suffix, [=](Precision precision) { return der(nature, precision); });
+    }
+    for (const auto& [name, network] : {
+             std::pair{"phi_sac", PpoNetworkConfig{.encoder = {.encoder = EncoderKind::phi_sac}}},
+             std::pair{"phi_dqn", PpoNetworkConfig{.encoder = {.encoder = EncoderKind::phi_dqn}}},
+             // One torso, without padding: configs/ppo/discrete.yaml, and what the PyTorch peers have.
+             std::pair{"nature", PpoNetworkConfig{.encoder = {.encoder = EncoderKind::phi_dqn,
+                                                             .padding = Padding::valid},
+                                 .torso = Torso::shared,
+                                 .hidden_layers = 0}},
+         }) {
+        add(std::string("ppo_") + name + "_minibatch",
+            [network = network](Precision precision) { return ppo(network, precision); });
+    }
     benchmark::Initialize(&argc, argv);
     benchmark::RunSpecifiedBenchmarks();
 }

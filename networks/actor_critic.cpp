@@ -36,7 +36,7 @@ SquashedGaussian SacNetworkImpl::policy(const torch::Tensor& features) {
 }
 
 TwinValues SacNetworkImpl::values(const torch::Tensor& critic_z, const torch::Tensor& action) {
-    const auto q = critic(torch::cat({critic_z, action}, 1));
+    const auto q = critic(torch::cat({critic_z, action.to(critic_z.scalar_type())}, 1));
     return {q.q1.squeeze(1), q.q2.squeeze(1)};
 }
 

@@ -86,7 +86,8 @@ Layers trunk_layers(const EncoderConfig& config) {
 }
 
 Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, const at::Generator& generator)
-    : stack_(owner, trunk_layers(config), config.observation, initialiser_of(config), generator) {}
+    : stack_(owner, trunk_layers(config), config.observation, initialiser_of(config), generator),
+      precision_(config.precision) {}
 
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
     : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(config, /*of_critic=*/false)})),

@@ -31,6 +31,7 @@ struct EncoderConfig {
     std::vector<std::int64_t> observation{4, 84, 84};  // [stack, rows, columns], or [stack, bytes]
     Padding padding = Padding::same;                   // of phi_sac and phi_dqn
     Initialiser initialise = nullptr;                  // none: the encoder's own
+    Precision precision = Precision::float32;          // of all that is computed from an observation
     bool layer_norm = false;                           // after every dense layer, not only the critic's
 };
 
@@ -49,13 +50,14 @@ class Trunk {
 
     /// Throws std::invalid_argument, naming both shapes, for anything but [B, observation] uint8.
     torch::Tensor operator()(const torch::Tensor& observation) const {
-        return stack_(stack_.scaled(observation));
+        return stack_(stack_.scaled(observation, precision_));
     }
 
     std::int64_t features() const { return stack_.features(); }  // numbers per observation
 
   private:
     LayerStack stack_;
+    Precision precision_;
 };
 
 /// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains

@@ -29,7 +29,7 @@ MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at
       out_(register_module("out", Dense(hidden_.features(), out, config.initialise_out, generator))) {}
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
-    return out_(hidden_(std::move(x)));
+    return out_(hidden_(std::move(x))).to(out_->weight.scalar_type());
 }
 
 torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {

@@ -36,7 +36,7 @@ Layers hidden_layers(const HeadConfig& config);
 class MlpImpl : public torch::nn::Module {
   public:
     MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at::Generator generator);
-    /// [B, in] -> [B, out]
+    /// [B, in] -> [B, out] of the parameters' type
     torch::Tensor forward(torch::Tensor x);
 
   private:

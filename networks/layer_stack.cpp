@@ -15,23 +15,18 @@ namespace {
 
 using Kind = Layer::Kind;
 
-/// [B, C, H, W] bytes as numbers from 0 to 1, channels last: several times faster to convolve on a CPU than
-/// channels first. There it is one pass by table; LibTorch's own three cost 8 % of an update of DQN.
-torch::Tensor scaled_pixels(const torch::Tensor& bytes, at::ScalarType type) {
-    if (!bytes.is_cpu() || type != at::kFloat) {
-        return bytes.to(type).div_(255).contiguous(at::MemoryFormat::ChannelsLast);
-    }
+/// Writes planes of bytes as numbers from 0 to 1, the channels of a pixel side by side.
+template <class Number>
+void scale_planes(const torch::Tensor& bytes, torch::Tensor& scaled) {
     static const auto table = [] {
-        std::array<float, 256> values{};
+        std::array<Number, 256> values{};
         for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i) / 255;
         return values;
     }();
     const auto planes = bytes.contiguous();
     const auto channels = bytes.size(1), pixels = bytes.size(2) * bytes.size(3);
-    auto scaled =
-        torch::empty(bytes.sizes(), torch::dtype(at::kFloat).memory_format(at::MemoryFormat::ChannelsLast));
     const auto* from = planes.const_data_ptr<std::uint8_t>();
-    auto* to = scaled.data_ptr<float>();
+    auto* to = scaled.data_ptr<Number>();
     at::parallel_for(0, bytes.size(0), /*grain_size=*/4, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t image = begin * channels * pixels; image < end * channels * pixels;
              image += channels * pixels) {
@@ -41,6 +36,20 @@ torch::Tensor scaled_pixels(const torch::Tensor& bytes, at::ScalarType type) {
             }
         }
     });
+}
+
+/// [B, C, H, W] bytes as numbers from 0 to 1, channels last: several times faster to convolve on a CPU than
+/// channels first. There it is one pass by table; LibTorch's own three cost 8 % of an update of DQN.
+torch::Tensor scaled_pixels(const torch::Tensor& bytes, at::ScalarType type) {
+    if (!bytes.is_cpu() || (type != at::kFloat && type != at::kBFloat16))
+        return bytes.to(type).div_(255).contiguous(at::MemoryFormat::ChannelsLast);
+    auto scaled =
+        torch::empty(bytes.sizes(), torch::dtype(type).memory_format(at::MemoryFormat::ChannelsLast));
+    if (type == at::kFloat) {
+        scale_planes<float>(bytes, scaled);
+    } else {
+        scale_planes<at::BFloat16>(bytes, scaled);
+    }
     return scaled;
 }
 
@@ -109,12 +118,9 @@ torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch) const 
             case Kind::dense:
                 x = std::get<Dense>(parameters)->forward(x);
                 break;
-            case Kind::layer_norm: {
-                const auto& norm = *std::get<torch::nn::LayerNorm>(parameters);
-                x = torch::layer_norm(x, norm.options.normalized_shape(), norm.weight, norm.bias,
-                                      norm.options.eps());
+            case Kind::layer_norm:
+                x = normalised(*std::get<torch::nn::LayerNorm>(parameters), x);
                 break;
-            }
         }
         behind_product = layer.kind == Kind::conv || layer.kind == Kind::dense;
         if (watch && (layer.kind == Kind::relu || layer.kind == Kind::tanh)) watch(x);
@@ -122,7 +128,7 @@ torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch) const 
     return x;
 }
 
-torch::Tensor LayerStack::scaled(const torch::Tensor& given) const {
+torch::Tensor LayerStack::scaled(const torch::Tensor& given, Precision precision) const {
     // A replay keeps bytes as frames of one row.
     const bool one_row = input_.size() == 2 && given.dim() == 4 && given.size(2) == 1;
     const auto observation = one_row ? given.squeeze(2) : given;
@@ -134,7 +140,8 @@ torch::Tensor LayerStack::scaled(const torch::Tensor& given) const {
                                     shape_text(observation.sizes()) + " " +
                                     std::string(observation.dtype().name()));
     }
-    const auto type = weight_.defined() ? weight_.scalar_type() : at::kFloat;
+    const auto own = weight_.defined() ? weight_.scalar_type() : at::kFloat;
+    const auto type = precision == Precision::bf16 ? at::kBFloat16 : own;
     const bool convolves = !items_.empty() && items_.front().layer.kind == Kind::conv;
     return convolves ? scaled_pixels(observation, type) : observation.to(type).div_(255);
 }

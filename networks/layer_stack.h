@@ -30,9 +30,10 @@ class LayerStack {
     /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened.
     torch::Tensor operator()(torch::Tensor x, const Watch& watch = {}) const;
 
-    /// [B, input] bytes as numbers from 0 to 1, as these layers want them; bytes may come as images of one
-    /// row, [B, stack, 1, n]. Throws std::invalid_argument, naming both shapes, for anything else.
-    torch::Tensor scaled(const torch::Tensor& observation) const;
+    /// [B, input] bytes as numbers from 0 to 1, of the layers' own type or bf16: what the layers then compute
+    /// in. Bytes may come as images of one row, [B, stack, 1, n]. Throws std::invalid_argument, naming both
+    /// shapes, for anything else.
+    torch::Tensor scaled(const torch::Tensor& observation, Precision precision = Precision::float32) const;
 
     std::int64_t features() const { return features_; }  // numbers per observation
 

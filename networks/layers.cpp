@@ -1,16 +1,29 @@
 #include "networks/layers.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <utility>
-
 #include <stdexcept>
+#include <utility>
 
 #include <torch/nn/init.h>
 #include <torch/types.h>
 #include <torch/utils.h>
 
 namespace cale {
+
+std::span<const std::string_view> names_of(Precision) {
+    static constexpr std::array<std::string_view, 2> names{"float32", "bf16"};
+    return names;
+}
+
+bool multiplies_bf16() {
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx512bf16");
+#else
+    return false;
+#endif
+}
 
 Initialiser orthogonal(double gain) {
     return [gain](torch::Tensor& weight, at::Generator generator) {
@@ -54,13 +67,21 @@ torch::Device device_for(const at::Generator& generator) {
 }
 
 /// x W^T + b.
-torch::Tensor affine(const torch::Tensor& x, const torch::Tensor& weight, const torch::Tensor& bias) {
+torch::Tensor affine(const torch::Tensor& x, const torch::Tensor& parameter_w,
+                     const torch::Tensor& parameter_b) {
+    const auto weight = parameter_w.to(x.scalar_type()), bias = parameter_b.to(x.scalar_type());
     if (!x.is_cpu()) return at::linear(x, weight, bias);
     // (W x^T)^T: for a small batch behind a wide trunk MKL is a third faster at it than at x W^T.
     return at::addmm(bias.unsqueeze(1), weight, x.t()).t();
 }
 
 }  // namespace
+
+torch::Tensor normalised(const torch::nn::LayerNormImpl& norm, const torch::Tensor& x) {
+    return torch::layer_norm(x.to(norm.weight.scalar_type()), norm.options.normalized_shape(), norm.weight,
+                             norm.bias, norm.options.eps())
+        .to(x.scalar_type());
+}
 
 DenseImpl::DenseImpl(std::int64_t in, std::int64_t out, const Initialiser& initialise,
                      at::Generator generator)
@@ -88,7 +109,9 @@ NoisyDenseImpl::NoisyDenseImpl(std::int64_t in, std::int64_t out, double initial
 
 torch::Tensor NoisyDenseImpl::forward(const torch::Tensor& x, const FactorisedNoise* noise) const {
     if (noise == nullptr) return affine(x, weight_mu, bias_mu);
-    const auto f = [](const torch::Tensor& normal) { return normal.sign() * normal.abs().sqrt(); };
+    const auto f = [&](const torch::Tensor& normal) {
+        return (normal.sign() * normal.abs().sqrt()).to(x.scalar_type());
+    };
     // The same as multiplying by W, without ever writing W down: it is as large as the layer.
     const auto perturbed = affine(x * f(noise->input), weight_sigma, bias_sigma);
     return affine(x, weight_mu, bias_mu) + perturbed * f(noise->output);
@@ -105,19 +128,21 @@ ConvImpl::ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::
 }
 
 torch::Tensor ConvImpl::forward(const torch::Tensor& x) const {
-    if (padding_ == Padding::valid) return at::conv2d(x, weight, bias, stride_);
+    const auto kernel = weight.to(x.scalar_type()), offset = bias.to(x.scalar_type());
+    if (padding_ == Padding::valid) return at::conv2d(x, kernel, offset, stride_);
     const auto [top, bottom] = same_padding(x.size(2), kernel_, stride_);
     const auto [left, right] = same_padding(x.size(3), kernel_, stride_);
     // at::conv2d pads both sides alike; the copy is only made where they differ.
-    if (top == bottom && left == right) return at::conv2d(x, weight, bias, stride_, {top, left});
-    return at::conv2d(at::constant_pad_nd(x, {left, right, top, bottom}), weight, bias, stride_);
+    if (top == bottom && left == right) return at::conv2d(x, kernel, offset, stride_, {top, left});
+    return at::conv2d(at::constant_pad_nd(x, {left, right, top, bottom}), kernel, offset, stride_);
 }
 
 torch::Tensor ConvImpl::forward_rows(const torch::Tensor& x) const {
     const auto [left, right] = same_padding(x.size(3), kernel_, stride_);
     const auto used = same_padding(1, kernel_, stride_).first;
-    const auto row_kernel = weight.select(3, used).unsqueeze(2);  // [out, in, 1, kernel]
-    return at::conv2d(at::constant_pad_nd(x, {left, right}), row_kernel, bias, {1, stride_});
+    const auto row_kernel = weight.select(3, used).unsqueeze(2).to(x.scalar_type());  // [out, in, 1, kernel]
+    return at::conv2d(at::constant_pad_nd(x, {left, right}), row_kernel, bias.to(x.scalar_type()),
+                      {1, stride_});
 }
 
 std::string shape_text(at::IntArrayRef shape) {

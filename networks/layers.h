@@ -1,21 +1,32 @@
 // Dense and convolutional layers whose initial values are drawn from a generator of
-// the caller's: torch::nn::Linear and Conv2d would draw theirs from the global one.
+// the caller's: torch::nn::Linear and Conv2d would draw theirs from the global one. They compute in the type
+// of their input: parameters stay as they are, and gradients reach them in their own type.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-
-#include <ATen/core/Generator.h>
+#include <span>
 #include <string>
 #include <string_view>
 
+#include <ATen/core/Generator.h>
 #include <torch/nn/module.h>
+#include <torch/nn/modules/normalization.h>
 #include <torch/nn/pimpl.h>
 #include <torch/types.h>
 
 #include "policy/network_spec.h"
 
 namespace cale {
+
+/// The numbers that convolutions and products are made of. bf16: bfloat16, with the exponents of float32 and
+/// 8 bits of significand; parameters, LayerNorm's sums, losses and optimisers stay float32 (Micikevicius et
+/// al. 2018, "Mixed Precision Training"; bfloat16 needs no scaled losses).
+enum class Precision { float32, bf16 };
+std::span<const std::string_view> names_of(Precision);
+/// Returns whether this processor multiplies bfloat16: AVX512-BF16, which every one with AMX has. Others are
+/// several times slower at it than at float32.
+bool multiplies_bf16();
 
 /// Fills a weight, [out, in] or [out, in, rows, columns], on the CPU.
 using Initialiser = std::function<void(torch::Tensor& weight, at::Generator generator)>;
@@ -34,6 +45,9 @@ Initialiser orthogonal(double gain = 1);
 Initialiser glorot_uniform();
 /// Zeros: a last layer that begins like this gives 0 for everything.
 Initialiser zeros();
+
+/// LayerNorm, whose sums are of its own parameters' type: [B, n] -> [B, n] of the input's type.
+torch::Tensor normalised(const torch::nn::LayerNormImpl& norm, const torch::Tensor& x);
 
 /// x W^T + b. weight [out, in], bias [out], which starts at zero.
 class DenseImpl : public torch::nn::Module {

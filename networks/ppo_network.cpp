@@ -39,7 +39,7 @@ GaussianActorImpl::GaussianActorImpl(std::int64_t in, std::int64_t action_size, 
 }
 
 SquashedGaussian GaussianActorImpl::forward(torch::Tensor x) {
-    const auto mean = mean_(hidden_(std::move(x)));
+    const auto mean = mean_(hidden_(std::move(x))).to(mean_->weight.scalar_type());
     const auto log_std =
         summed_log_std_ ? summed_log_std_->weight.sum(1) + summed_log_std_->bias : direct_log_std_;
     return {mean, log_std.expand_as(mean)};

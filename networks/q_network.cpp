@@ -82,14 +82,19 @@ torch::Tensor QHeadImpl::Layer::operator()(const torch::Tensor& x, const Factori
     return plain ? plain->forward(x) : noisy->forward(x, noise);
 }
 
+at::ScalarType QHeadImpl::Layer::type() const {
+    return (plain ? plain->weight : noisy->weight_mu).scalar_type();
+}
+
 torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* noise) {
     auto x = fc1_(features, noise ? &noise->hidden : nullptr);
-    if (norm_) x = norm_(x);
+    if (norm_) x = normalised(*norm_, x);
     x = x.relu();
-    auto out = out_(x, noise ? &noise->out : nullptr).reshape({-1, choices_, config_.num_atoms});
+    auto out =
+        out_(x, noise ? &noise->out : nullptr).to(out_.type()).reshape({-1, choices_, config_.num_atoms});
     if (combine_.defined()) out = combine_.matmul(out);
     if (!config_.dueling) return out;
-    const auto value = value_(x, noise ? &noise->value : nullptr).unsqueeze(1);
+    const auto value = value_(x, noise ? &noise->value : nullptr).to(value_.type()).unsqueeze(1);
     return dueling_values(value, out);
 }
 

@@ -71,6 +71,7 @@ class QHeadImpl : public torch::nn::Module {
         Dense plain{nullptr};
         NoisyDense noisy{nullptr};
         torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise) const;
+        at::ScalarType type() const;  // of its parameters
     };
     Layer add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
 

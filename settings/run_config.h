@@ -23,6 +23,7 @@ struct TrainConfig {
     bool keep_best = false;
     bool save_replay = true;
     bool overlap = false;
+    Precision precision = Precision::float32;
 };
 
 template <class Visit>
@@ -46,6 +47,10 @@ void fields(TrainConfig& config, Visit&& visit) {
     visit("overlap", config.overlap,
           "the environments step while the agent learns, so that it acts with the parameters from before its "
           "newest update; false: the paper's strict order");
+    visit("precision", config.precision,
+          "what convolutions and products are computed in; bf16: half the bits, for processors with "
+          "AVX512-BF16 or "
+          "AMX, and GPUs");
 }
 
 /// Section eval.
@@ -102,6 +107,7 @@ AgentSpec spec_of(const WorldConfig& env, const TrainConfig& train) {
     spec.observation = observation_space(env);
     spec.total_steps = train.total_steps;
     spec.overlap = train.overlap;
+    spec.precision = train.precision;
     spec.seed = static_cast<std::uint64_t>(train.seed);
     return spec;
 }

@@ -264,6 +264,14 @@ std::unique_ptr<Agent> make_agent(const TrainingProgram& program, const AgentSpe
     }
 }
 
+void check_precision(const AgentSpec& spec) {
+    if (spec.precision == Precision::float32 || !spec.device.is_cpu() || multiplies_bf16()) return;
+    throw ConfigError(
+        "train.precision: bf16 is slower than float32 on this processor, which has neither AVX512-BF16 nor "
+        "AMX; set it "
+        "to float32, or choose a GPU with --device cuda");
+}
+
 /// Before anything large is made: its initial values alone can take minutes.
 void check_memory(const TrainingProgram& program, const TrainingWorld& world, const AgentSpec& spec) {
     const auto available = available_memory();
@@ -338,6 +346,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
         spec.observation = one->observation_space();
     }
     spec.device = device;
+    check_precision(spec);
     check_memory(program, world, spec);
 
     std::optional<NewFolder> folder;  // the other processes of a run write nothing

@@ -343,8 +343,11 @@ TEST(Der, LearnsWhichActionTheFrameAsksFor) {
     config.target_update_period = 200;
     config.learning_rate = 1e-3;
     config.noisy_sigma = 0.5;  // sixteen units need more of it than 512 do to try every action
-    const auto spec = discrete_world(8);
-    EXPECT_GT(learned_after(*make_der(config, spec), spec, 300), 0.9);
+    auto spec = discrete_world(8);
+    for (const auto precision : {Precision::float32, Precision::bf16}) {
+        spec.precision = precision;
+        EXPECT_GT(learned_after(*make_der(config, spec), spec, 300), 0.9);
+    }
 }
 
 }  // namespace

@@ -224,6 +224,22 @@ TEST_P(EveryAgent, TheSameSeedGivesTheSameBits) {
     }
 }
 
+TEST_P(EveryAgent, TheSameSeedGivesTheSameBitsInBf16AndOthersThanInFloat32) {
+    auto spec = world(2);
+    const auto full = make(spec);
+    spec.precision = Precision::bf16;
+    const auto first = make(spec), second = make(spec);
+    for (auto* agent : {full.get(), first.get(), second.get()}) drive(*agent, spec, 0, 40);
+    const auto state = first->state(), full_state = full->state();
+    expect_equal(state, second->state());
+    bool differs = false;
+    for (const auto& [name, tensor] : state) {
+        EXPECT_EQ(tensor.scalar_type(), full_state.at(name).scalar_type()) << name;
+        differs |= name.ends_with("conv1.weight") && !torch::equal(tensor, full_state.at(name));
+    }
+    EXPECT_TRUE(differs);
+}
+
 TEST_P(EveryAgent, EvaluationLeavesTrainingAsItIs) {
     const auto spec = world();
     const auto disturbed = make(spec), undisturbed = make(spec);

@@ -274,8 +274,11 @@ TEST(Sac, LearnsToPushTheJoystickWhereTheFrameSays) {
     config.replay.reward_scale = 10;  // so that the reward outweighs the entropy from the start
     config.learning_rate = 1e-3;
     config.tau = 0.02;
-    const auto spec = joystick_world(8);
-    EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), 0.8);
+    auto spec = joystick_world(8);
+    for (const auto precision : {Precision::float32, Precision::bf16}) {
+        spec.precision = precision;
+        EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), 0.8);
+    }
 }
 
 }  // namespace

@@ -352,6 +352,19 @@ TEST(ProgramEmulator, OverlapIsForAgentsWithAReplay) {
     EXPECT_EQ(train_sac(small(run, {"train.overlap=true"})).code, 0);
 }
 
+TEST(ProgramEmulator, ComputesInBf16WhereTheProcessorDoes) {
+    const TemporaryFolder folder;
+    const auto answer = train_sac(small(folder.path() / "run", {"train.precision=bf16"}));
+    if (multiplies_bf16()) {
+        EXPECT_EQ(answer.code, 0) << answer.stderr_text;
+    } else {
+        EXPECT_EQ(answer.code, 2);
+        EXPECT_THAT(answer.stderr_text,
+                    testing::HasSubstr("train.precision: bf16 is slower than float32 on this processor"));
+        EXPECT_FALSE(std::filesystem::exists(folder.path() / "run"));
+    }
+}
+
 TEST(ProgramEmulator, AResumedRunKeepsItsThreads) {
     const TemporaryFolder folder;
     const int before = at::get_num_threads();
