@@ -34,10 +34,7 @@ struct NetworkSettings {
 
 template <class Visit>
 void fields(NetworkSettings& settings, Visit&& visit) {
-    visit("encoder", settings.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, compact, data_efficient; for bytes "
-          "mlp, or "
-          "flat, which has no layer");
+    visit("encoder", settings.encoder, "how observations become features; for bytes mlp, or flat: no layer");
     visit("phi_dqn", settings.phi_dqn,
           "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
     visit("hidden_layers", settings.hidden_layers, Range{0, 16},

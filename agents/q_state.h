@@ -32,10 +32,7 @@ struct QSettings {
 
 template <class Visit>
 void fields(QSettings& settings, Visit&& visit) {
-    visit("encoder", settings.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, compact, data_efficient; for bytes "
-          "mlp, or "
-          "flat, which has no layer");
+    visit("encoder", settings.encoder, "how observations become features; for bytes mlp, or flat: no layer");
     visit("padding", settings.padding,
           "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");

@@ -1,7 +1,7 @@
 // Milliseconds per gradient step of every agent, on 84x84 frames and the batch of its configuration:
 //   bench_update --benchmark_filter=sac_phi_sac
-// The number of threads is the benchmark's argument. Where the processor multiplies bfloat16, NAME_bf16 is
-// the same update with train.precision=bf16.
+// The number of threads is the benchmark's argument. NAME_bf16 is the same update with train.precision=bf16,
+// for processors that have it.
 #include <functional>
 #include <memory>
 #include <string>
@@ -133,7 +133,7 @@ void add(const std::string& name, const MakeUpdate& make) {
             ->UseRealTime();
     };
     with(name, Precision::float32);
-    if (multiplies_bf16()) with(name + "_bf16", Precision::bf16);
+    with(name + "_bf16", Precision::bf16);
 }
 
 }  // namespace

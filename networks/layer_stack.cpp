@@ -45,11 +45,7 @@ torch::Tensor scaled_pixels(const torch::Tensor& bytes, at::ScalarType type) {
         return bytes.to(type).div_(255).contiguous(at::MemoryFormat::ChannelsLast);
     auto scaled =
         torch::empty(bytes.sizes(), torch::dtype(type).memory_format(at::MemoryFormat::ChannelsLast));
-    if (type == at::kFloat) {
-        scale_planes<float>(bytes, scaled);
-    } else {
-        scale_planes<at::BFloat16>(bytes, scaled);
-    }
+    type == at::kFloat ? scale_planes<float>(bytes, scaled) : scale_planes<at::BFloat16>(bytes, scaled);
     return scaled;
 }
 

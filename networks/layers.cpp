@@ -17,14 +17,6 @@ std::span<const std::string_view> names_of(Precision) {
     return names;
 }
 
-bool multiplies_bf16() {
-#if defined(__x86_64__)
-    return __builtin_cpu_supports("avx512bf16");
-#else
-    return false;
-#endif
-}
-
 Initialiser orthogonal(double gain) {
     return [gain](torch::Tensor& weight, at::Generator generator) {
         const torch::NoGradGuard no_grad;

@@ -1,6 +1,5 @@
-// Dense and convolutional layers whose initial values are drawn from a generator of
-// the caller's: torch::nn::Linear and Conv2d would draw theirs from the global one. They compute in the type
-// of their input: parameters stay as they are, and gradients reach them in their own type.
+// Dense and convolutional layers, which compute in the type of their input. Their initial values are drawn
+// from a generator of the caller's: torch::nn::Linear and Conv2d would draw theirs from the global one.
 #pragma once
 
 #include <cstdint>
@@ -19,14 +18,10 @@
 
 namespace cale {
 
-/// The numbers that convolutions and products are made of. bf16: bfloat16, with the exponents of float32 and
-/// 8 bits of significand; parameters, LayerNorm's sums, losses and optimisers stay float32 (Micikevicius et
-/// al. 2018, "Mixed Precision Training"; bfloat16 needs no scaled losses).
+/// What convolutions and products compute in. bf16: bfloat16; parameters, LayerNorm's sums, losses and
+/// optimisers stay float32 (Micikevicius et al. 2018, "Mixed Precision Training", without scaled losses).
 enum class Precision { float32, bf16 };
 std::span<const std::string_view> names_of(Precision);
-/// Returns whether this processor multiplies bfloat16: AVX512-BF16, which every one with AMX has. Others are
-/// several times slower at it than at float32.
-bool multiplies_bf16();
 
 /// Fills a weight, [out, in] or [out, in, rows, columns], on the CPU.
 using Initialiser = std::function<void(torch::Tensor& weight, at::Generator generator)>;

@@ -25,8 +25,8 @@ Layers impala();
 /// conv1 to conv4: 32@3x3/2, 32@3x3/2, 32@3x3/2, 32@3x3/1, ReLU, not padded; flattened: 1,568 numbers of an
 /// 84x84 frame.
 Layers compact();
-/// conv1, conv2: 32@5x5/5, 64@5x5/5, ReLU, not padded; flattened: 576 numbers of an 84x84 frame. No pixel is
-/// read twice: 1.3 million multiplications a frame, where compact has 6.8 and phi_dqn 12.7.
+/// conv1, conv2: 32@5x5/5, 64@5x5/5, ReLU, not padded; flattened: 576 numbers of an 84x84 frame, after 1.3
+/// million multiplications where compact has 6.8.
 Layers data_efficient();
 /// fc1, fc2: two dense layers of 256 units, each with ReLU, on the flattened observation. For observations
 /// that are no images, such as the console's 128 bytes of RAM: the size of Stable-Baselines3's networks for

@@ -29,6 +29,14 @@ double seconds_of_convolution(int threads) {
 
 }  // namespace
 
+bool multiplies_bf16() {
+#if defined(__x86_64__)
+    return __builtin_cpu_supports("avx512bf16");
+#else
+    return false;
+#endif
+}
+
 int worthwhile_threads(std::span<const ThreadTime> times) {
     auto chosen = times.front();
     for (const auto& more : times.subspan(1)) {

@@ -1,9 +1,13 @@
-// Measures how many LibTorch threads pay off on this machine.
+// What this machine is good at: how many LibTorch threads pay off, and which numbers.
 #pragma once
 
 #include <span>
 
 namespace cale {
+
+/// Returns whether this processor multiplies bfloat16: AVX512-BF16, which every one with AMX has. Others are
+/// several times slower at it than at float32.
+bool multiplies_bf16();
 
 /// The time that a number of threads took.
 struct ThreadTime {

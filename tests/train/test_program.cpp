@@ -1,5 +1,6 @@
 // train_sac and cale from their command lines to their exit codes.
 #include "train/program.h"
+#include "train/threads.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
