@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include <ATen/Parallel.h>
 #include <torch/types.h>
 
 namespace cale {
