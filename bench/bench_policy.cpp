@@ -59,11 +59,9 @@ std::string policy_contents(const std::string& encoder) {
 }
 
 std::vector<std::uint8_t> observations(const PolicyInfo& info, std::int64_t count) {
+    const auto one = golden_observation(info);
     std::vector<std::uint8_t> all;
-    for (std::int64_t i = 0; i < count; ++i) {
-        const auto one = golden_observation(info);
-        all.insert(all.end(), one.begin(), one.end());
-    }
+    for (std::int64_t i = 0; i < count; ++i) all.insert(all.end(), one.begin(), one.end());
     return all;
 }
 

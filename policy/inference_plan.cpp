@@ -176,8 +176,7 @@ void InferencePlan::run_step(const Step& step, float* memory) const {
         case Step::Kind::flatten:
             flatten(step, in, out);
             break;
-        case Step::Kind::dense:
-            run_dense(step, 1, memory);
+        case Step::Kind::dense:  // run_dense(), for all observations together
             break;
         case Step::Kind::layer_norm:
             layer_norm(count(step.out), weight, bias, out);

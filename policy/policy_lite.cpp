@@ -70,6 +70,22 @@ Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
     return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
 }
 
+Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choice choice,
+                std::mt19937_64& random) {
+    const auto& info = plan.info;
+    const bool evaluated = choice == Choice::as_evaluated;
+    if (evaluated && info.epsilon > 0 && static_cast<double>(uniform(random)) <= info.epsilon)
+        return uniform_decision(info, random);
+    const bool samples = choice == Choice::sampled || (evaluated && info.evaluation_samples);
+    // Action values are no distribution.
+    const bool has_distribution = plan.head.kind != Head::Kind::values;
+    return samples && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
+}
+
+void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
+    if (of_workspace != plan) throw std::invalid_argument("this workspace was made by another policy");
+}
+
 }  // namespace
 
 Policy Policy::load(const std::filesystem::path& file) {
@@ -104,14 +120,6 @@ Workspace Policy::workspace(std::size_t observations) const {
     return workspace;
 }
 
-namespace {
-
-void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
-    if (of_workspace != plan) throw std::invalid_argument("this workspace was made by another policy");
-}
-
-}  // namespace
-
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
     require_own(plan_.get(), workspace.plan_);
     if (observation.size() != info().observation_size()) {
@@ -125,22 +133,6 @@ std::span<const float> Policy::output(std::span<const std::uint8_t> observation,
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace) const {
     return greedy(info(), output(observation, workspace));
 }
-
-namespace {
-
-Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choice choice,
-                std::mt19937_64& random) {
-    const auto& info = plan.info;
-    const bool evaluated = choice == Choice::as_evaluated;
-    if (evaluated && info.epsilon > 0 && static_cast<double>(uniform(random)) <= info.epsilon)
-        return uniform_decision(info, random);
-    const bool samples = choice == Choice::sampled || (evaluated && info.evaluation_samples);
-    // Action values are no distribution.
-    const bool has_distribution = plan.head.kind != Head::Kind::values;
-    return samples && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
-}
-
-}  // namespace
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                      std::mt19937_64& random) const {

@@ -49,8 +49,7 @@ void fields(TrainConfig& config, Visit&& visit) {
           "newest update; false: the paper's strict order");
     visit("precision", config.precision,
           "what convolutions and products are computed in; bf16: half the bits, for processors with "
-          "AVX512-BF16 or "
-          "AMX, and GPUs");
+          "AVX512-BF16 or AMX, and GPUs");
 }
 
 /// Section eval.

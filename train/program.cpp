@@ -268,8 +268,7 @@ void check_precision(const AgentSpec& spec) {
     if (spec.precision == Precision::float32 || !spec.device.is_cpu() || multiplies_bf16()) return;
     throw ConfigError(
         "train.precision: bf16 is slower than float32 on this processor, which has neither AVX512-BF16 nor "
-        "AMX; set it "
-        "to float32, or choose a GPU with --device cuda");
+        "AMX; set it to float32, or choose a GPU with --device cuda");
 }
 
 /// Before anything large is made: its initial values alone can take minutes.
