@@ -130,8 +130,10 @@ struct Der : QState {
         return der_update(*this, batch, weights, {online, draw(random)}, config);
     }
 
-    /// Noisy weights explore by themselves, from the first step on.
-    double epsilon(double scheduled) const { return config.noisy ? 0 : scheduled; }
+    /// Noisy weights explore by themselves, from the first step on or behind a random warm-up.
+    double epsilon(double scheduled) const {
+        return config.noisy && (scheduled < 1 || !config.random_warmup) ? 0 : scheduled;
+    }
 
     std::map<std::string, double> metrics(const DerLosses& losses) const {
         std::map<std::string, double> values{

@@ -35,27 +35,25 @@ struct DerConfig : QSettings {
     bool distributional = true;
     std::int64_t num_atoms = 51;
     double value_limit = 10;
-    bool noisy = true;
+    bool noisy = true, random_warmup = false;
     double noisy_sigma = 0.1;
     bool prioritised = true;
-    double priority_exponent = 0.5;
-    double importance_exponent = 0.5;
+    double priority_exponent = 0.5, importance_exponent = 0.5;
 };
 
 template <class Visit>
 void fields(DerConfig& config, Visit&& visit) {
     fields(static_cast<QSettings&>(config), visit);
-    visit("distributional", config.distributional,
-          "learn the return's distribution (C51); off: its mean, by squared error");
+    visit("distributional", config.distributional, "learn the return's distribution (C51); off: its mean");
     visit("num_atoms", config.num_atoms, Range{2, 10'000}, "returns that a distribution is made of");
     visit("value_limit", config.value_limit, Range{1e-6, 1e9}, "atoms lie between plus and minus this");
     visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
     visit("noisy_sigma", config.noisy_sigma, Range{0, 10}, "initial noise of a weight, times sqrt(inputs)");
+    visit("random_warmup", config.random_warmup,
+          "where noisy: random actions until min_replay transitions are stored");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
-    visit("priority_exponent", config.priority_exponent, Range{0, 10},
-          "alpha of the priorities: loss to this power");
-    visit("importance_exponent", config.importance_exponent, Range{0, 10},
-          "beta of the importance weights: probability to minus this power, over the batch's largest");
+    visit("priority_exponent", config.priority_exponent, Range{0, 10}, "alpha: loss to this power");
+    visit("importance_exponent", config.importance_exponent, Range{0, 10}, "beta of the importance weights");
 }
 
 /// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].

@@ -262,6 +262,24 @@ TEST(Der, ExploresByTheNoiseInItsWeightsAloneFromTheFirstStepOn) {
         EXPECT_TRUE(torch::equal(agent->act(same_frame(1), ActMode::evaluate), greedy));
 }
 
+TEST(Der, ARandomWarmupEndsWithTheFirstUpdates) {
+    auto config = small_der();
+    config.noisy_sigma = 0;  // so that nothing but the warm-up changes actions
+    config.random_warmup = true;
+    config.replay.min_replay = 200;
+    const auto spec = discrete_world();
+    const auto agent = make_der(config, spec);
+    std::vector<double> counts(kNumActions, 0);
+    for (int call = 0; call <= 200; ++call) {
+        EXPECT_EQ(agent->metrics().at("charts/epsilon"), 1);
+        const auto actions = agent->act(same_frame(1), ActMode::train);
+        ++counts[static_cast<std::size_t>(actions[0].item<std::int64_t>())];
+        drive(*agent, spec, call, 1);
+    }
+    EXPECT_EQ(agent->metrics().at("charts/epsilon"), 0);
+    for (const double count : counts) EXPECT_GT(count, 200.0 / kNumActions / 2);
+}
+
 TEST(Der, EveryEnvironmentExploresWithANoiseOfItsOwn) {
     auto config = small_der();
     config.noisy_sigma = 5;
