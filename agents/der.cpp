@@ -12,8 +12,6 @@ namespace cale {
 
 constexpr double kTiny = 1e-10;  // keeps priorities and probabilities off zero
 
-// Pieces ------------------------------------------------------------------------------
-
 torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options) {
     return torch::linspace(-limit, limit, num_atoms, options);
 }
@@ -100,6 +98,7 @@ DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& los
 QHeadConfig head_of(const DerConfig& config) {
     return {.num_atoms = config.distributional ? config.num_atoms : 1,
             .noisy = config.noisy,
+            .noisy_evaluation = config.noisy_evaluation,
             .initial_sigma = config.noisy_sigma,
             .value_limit = config.value_limit};
 }
@@ -115,9 +114,10 @@ struct Der : QState {
         : QState(settings, spec, head_of(settings)), config(settings), device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        // With one draw for all, the environments would explore alike. Evaluation is free of noise.
-        const auto noise = now.training() ? draw(now.random, observations.size(0)) : QNoise{};
-        const auto output = network(observations, now.training() ? &noise : nullptr);
+        const bool noisy = now.training() || is_noisy(network->acting);
+        // With one draw for all, the environments would explore alike.
+        const auto noise = noisy ? draw(now.random, observations.size(0)) : QNoise{};
+        const auto output = network(observations, noisy ? &noise : nullptr);
         const auto greedy = action_values(output, support_of(config, output.options())).argmax(1).cpu();
         return epsilon_greedy(greedy, now.epsilon, network->acting.head.num_actions, now.random);
     }
@@ -126,8 +126,7 @@ struct Der : QState {
         const auto weights = config.prioritised
                                  ? importance_weights(batch.probability, config.importance_exponent)
                                  : torch::ones_like(batch.discount);
-        const auto online = draw(random);  // the order of the draws is part of a run
-        return der_update(*this, batch, weights, {online, draw(random)}, config);
+        return der_update(*this, batch, weights, {draw(random), draw(random)}, config);
     }
 
     /// Noisy weights explore by themselves, from the first step on or behind a random warm-up.

@@ -27,15 +27,14 @@ struct DerConfig : QSettings {
     DerConfig() {
         dueling = double_dqn = true;
         replay = {.update_horizon = 10, .min_replay = 1'600, .update_period = 1, .reward_clip = 1};
-        target_update_period = 2'000;
-        epsilon.epsilon_decay_period = 2'000;
+        target_update_period = epsilon.epsilon_decay_period = 2'000;
         learning_rate = 1e-4;
     }
 
     bool distributional = true;
     std::int64_t num_atoms = 51;
     double value_limit = 10;
-    bool noisy = true, random_warmup = false;
+    bool noisy = true, noisy_evaluation = false, random_warmup = false;
     double noisy_sigma = 0.1;
     bool prioritised = true;
     double priority_exponent = 0.5, importance_exponent = 0.5;
@@ -49,6 +48,8 @@ void fields(DerConfig& config, Visit&& visit) {
     visit("value_limit", config.value_limit, Range{1e-6, 1e9}, "atoms lie between plus and minus this");
     visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
     visit("noisy_sigma", config.noisy_sigma, Range{0, 10}, "initial noise of a weight, times sqrt(inputs)");
+    visit("noisy_evaluation", config.noisy_evaluation,
+          "where noisy: with the noise in evaluations and policy files, too; off: without");
     visit("random_warmup", config.random_warmup,
           "where noisy: random actions until min_replay transitions are stored");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");

@@ -240,7 +240,8 @@ class OffPolicy final : public Agent {
         if constexpr (requires { algorithm_.acting(); })
             return policy_of_network(algorithm_.acting(), /*samples=*/false, evaluation_epsilon());
         else if constexpr (requires { algorithm_.network->acting; })
-            return policy_of_network(algorithm_.network, /*samples=*/false, evaluation_epsilon());
+            return policy_of_network(algorithm_.network, is_noisy(algorithm_.network->acting),
+                                     evaluation_epsilon());
         return std::nullopt;
     }
     Replay* replay() override { return &replay_.buffer(); }

@@ -70,9 +70,9 @@ LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std
             parameters = owner.register_module(layer.name, conv);
             if (!weight_.defined()) weight_ = conv->weight;
         } else if (layer.kind == Kind::dense) {
-            Dense dense(layer.in.channels, layer.outputs, initialise, generator);
-            parameters = owner.register_module(layer.name, dense);
-            if (!weight_.defined()) weight_ = dense->weight;
+            const auto dense = dense_layer(owner, layer, initialise, generator);
+            parameters = dense;
+            if (!weight_.defined()) weight_ = dense.weight();
         } else if (layer.kind == Kind::layer_norm) {
             const auto options = torch::nn::LayerNormOptions({layer.out.channels}).eps(kLayerNormEpsilon);
             parameters = owner.register_module(layer.name, torch::nn::LayerNorm(options));
@@ -82,7 +82,8 @@ LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std
     }
 }
 
-torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch) const {
+torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch,
+                                     const std::optional<at::Generator>& noise) const {
     torch::Tensor kept;
     bool behind_product = false;
     for (const auto& [layer, parameters] : items_) {
@@ -111,9 +112,16 @@ torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch) const 
             case Kind::flatten:
                 x = x.flatten(1);
                 break;
-            case Kind::dense:
-                x = std::get<Dense>(parameters)->forward(x);
+            case Kind::dense: {
+                const bool noisy = noise && layer.noisy;
+                const auto normal = [&](std::int64_t size) {
+                    return torch::randn({x.size(0), size}, *noise).to(x.device());
+                };
+                const auto draw =
+                    noisy ? FactorisedNoise{normal(x.size(1)), normal(layer.outputs)} : FactorisedNoise{};
+                x = std::get<AnyDense>(parameters)(x, noisy ? &draw : nullptr);
                 break;
+            }
             case Kind::layer_norm:
                 x = normalised(*std::get<torch::nn::LayerNorm>(parameters), x);
                 break;

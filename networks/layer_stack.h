@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <variant>
 #include <vector>
 
@@ -27,8 +28,10 @@ class LayerStack {
     LayerStack(torch::nn::Module& owner, const Layers& layers, const std::vector<std::int64_t>& input,
                const Initialiser& initialise, const at::Generator& generator);
 
-    /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened.
-    torch::Tensor operator()(torch::Tensor x, const Watch& watch = {}) const;
+    /// [B, input] numbers -> [B, features()], or [B, C, H, W] where nothing is flattened. The noise of noisy
+    /// layers is drawn from `noise`, for each row; without it they are their means.
+    torch::Tensor operator()(torch::Tensor x, const Watch& watch = {},
+                             const std::optional<at::Generator>& noise = std::nullopt) const;
 
     /// [B, input] bytes as numbers from 0 to 1, of the layers' own type or bf16: what the layers then compute
     /// in. Bytes may come as images of one row, [B, stack, 1, n]. Throws std::invalid_argument, naming both
@@ -38,7 +41,7 @@ class LayerStack {
     std::int64_t features() const { return features_; }  // numbers per observation
 
   private:
-    using Parameters = std::variant<std::monostate, Conv, Dense, torch::nn::LayerNorm>;
+    using Parameters = std::variant<std::monostate, Conv, AnyDense, torch::nn::LayerNorm>;
     struct Item {
         Layer layer;
         Parameters parameters;

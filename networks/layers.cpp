@@ -109,6 +109,18 @@ torch::Tensor NoisyDenseImpl::forward(const torch::Tensor& x, const FactorisedNo
     return affine(x, weight_mu, bias_mu) + perturbed * f(noise->output);
 }
 
+AnyDense dense_layer(torch::nn::Module& owner, const SizedLayer& layer, const Initialiser& initialise,
+                     const at::Generator& generator) {
+    AnyDense dense;
+    const auto in = layer.in.channels, out = layer.out.channels;
+    if (layer.noisy) {
+        dense.noisy = owner.register_module(layer.name, NoisyDense(in, out, 0, generator));
+    } else {
+        dense.plain = owner.register_module(layer.name, Dense(in, out, initialise, generator));
+    }
+    return dense;
+}
+
 ConvImpl::ConvImpl(std::int64_t in, std::int64_t out, std::int64_t kernel, std::int64_t stride,
                    const Initialiser& initialise, at::Generator generator, Padding padding)
     : weight(register_parameter("weight", torch::zeros({out, in, kernel, kernel}))),

@@ -76,6 +76,20 @@ class NoisyDenseImpl : public torch::nn::Module {
 };
 using NoisyDense = torch::nn::ModuleHolder<NoisyDenseImpl>;
 
+/// A layer that is either plain or noisy.
+struct AnyDense {
+    Dense plain{nullptr};
+    NoisyDense noisy{nullptr};
+    /// A plain layer ignores the noise.
+    torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise = nullptr) const {
+        return plain ? plain->forward(x) : noisy->forward(x, noise);
+    }
+    torch::Tensor weight() const { return plain ? plain->weight : noisy->weight_mu; }
+};
+/// Returns the layer, registered with its owner under its name. The sigma of noisy weights is 0.
+AnyDense dense_layer(torch::nn::Module& owner, const SizedLayer& layer, const Initialiser& initialise,
+                     const at::Generator& generator);
+
 /// A square convolution. weight [out, in, kernel, kernel], bias [out], zero at first.
 class ConvImpl : public torch::nn::Module {
   public:

@@ -25,13 +25,10 @@ torch::Tensor stored_parameter(const torch::OrderedDict<std::string, torch::Tens
 
 TensorMap policy_weights(const NetworkSpec& spec, const torch::nn::Module& module) {
     const torch::NoGradGuard no_grad;
-    const auto parameters = module.named_parameters(), buffers = module.named_buffers();
+    const auto parameters = module.named_parameters();
     TensorMap weights;
     for (const auto& [name, shape] : parameter_shapes(spec)) {
-        auto tensor = stored_parameter(parameters, name).detach();
-        const auto* const combine = buffers.find("head.combine");
-        if (combine != nullptr && (name.starts_with("head.out.") || name.starts_with("head.adv.")))
-            tensor = combine->matmul(tensor.reshape({combine->size(1), -1})).reshape(shape);
+        const auto tensor = stored_parameter(parameters, name).detach();
         require_shape("policy_weights", "'" + name + "'", tensor, shape);
         weights[name] =
             tensor.to(torch::kCPU, torch::kFloat32, /*non_blocking=*/false, /*copy=*/true).contiguous();

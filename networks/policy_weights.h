@@ -15,10 +15,9 @@ namespace cale {
 using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// Returns the parameters of `spec` by the names of parameter_shapes(), float32 on the CPU in memory of their
-/// own: those of `module` that are called so. Noisy layers are stored as their means, by which they act in
-/// evaluation; log standard deviations that are a sum (LogStd::summed) as that sum; a factored head as the
-/// plain one that gives the same output. Throws std::invalid_argument that names a parameter which the module
-/// lacks or has in another shape.
+/// own: those of `module` that are called so. Of noisy layers `weight` and `bias` are the means; log standard
+/// deviations that are a sum (LogStd::summed) are stored as that sum. Throws std::invalid_argument that names
+/// a parameter which the module lacks or has in another shape.
 TensorMap policy_weights(const NetworkSpec& spec, const torch::nn::Module& module);
 
 }  // namespace cale

@@ -8,35 +8,33 @@
 
 #include <torch/types.h>
 
+#include "policy/factor_means.h"
+
 namespace cale {
 
 NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& encoder,
                         const QHeadConfig& config) {
+    const bool noisy = config.noisy && config.noisy_evaluation;
+    auto hidden = hidden_layers(1, config.hidden_units, Layer::Kind::relu, config.layer_norm);
+    hidden.front().noisy = noisy;
     return {std::move(observation),
-            chain({prefixed("encoder.", encoder),
-                   prefixed("head.",
-                            hidden_layers(1, config.hidden_units, Layer::Kind::relu, config.layer_norm))}),
+            chain({prefixed("encoder.", encoder), prefixed("head.", std::move(hidden))}),
             {.kind = Head::Kind::values,
              .num_actions = config.num_actions,
              .dueling = config.dueling,
              .num_atoms = config.num_atoms,
-             .value_limit = config.value_limit}};
+             .value_limit = config.value_limit,
+             .noisy = noisy,
+             .factors = config.factors}};
 }
 
 torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages) {
     return value + advantages - advantages.mean(1, /*keepdim=*/true);
 }
 
-torch::Tensor factor_means(const std::vector<std::int64_t>& factors) {
-    const auto actions = std::reduce(factors.begin(), factors.end(), std::int64_t{1}, std::multiplies());
-    std::vector<torch::Tensor> choices;  // [A, factor] each
-    auto every = actions;                // so many actions share a choice, or a cycle of them
-    for (const auto factor : factors) {
-        every /= factor;
-        const auto chosen = torch::arange(actions).div(every, "floor").remainder(factor);
-        choices.push_back(torch::one_hot(chosen, factor).to(torch::kFloat32));
-    }
-    return torch::cat(choices, 1) / static_cast<double>(factors.size());
+torch::Tensor factor_matrix(const std::vector<std::int64_t>& factors) {
+    const auto choices = std::reduce(factors.begin(), factors.end());
+    return torch::tensor(at::ArrayRef<float>(factor_means(factors))).view({-1, choices});
 }
 
 QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator)
@@ -57,7 +55,7 @@ QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator g
                                     ", and it has " + std::to_string(config.num_actions) + " actions");
     }
     const auto out = choices_ * config.num_atoms;
-    if (!config.factors.empty()) combine_ = register_buffer("combine", factor_means(config.factors));
+    if (!config.factors.empty()) combine_ = register_buffer("combine", factor_matrix(config.factors));
     fc1_ = add_layer("fc1", in, config.hidden_units, generator);
     if (config.layer_norm) {
         const auto options = torch::nn::LayerNormOptions({config.hidden_units}).eps(kLayerNormEpsilon);
@@ -67,9 +65,8 @@ QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator g
     if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, generator);
 }
 
-QHeadImpl::Layer QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out,
-                                      at::Generator generator) {
-    Layer layer;
+AnyDense QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator) {
+    AnyDense layer;
     if (config_.noisy) {
         layer.noisy = register_module(name, NoisyDense(in, out, config_.initial_sigma, generator));
     } else {
@@ -78,23 +75,17 @@ QHeadImpl::Layer QHeadImpl::add_layer(const char* name, std::int64_t in, std::in
     return layer;
 }
 
-torch::Tensor QHeadImpl::Layer::operator()(const torch::Tensor& x, const FactorisedNoise* noise) const {
-    return plain ? plain->forward(x) : noisy->forward(x, noise);
-}
-
-at::ScalarType QHeadImpl::Layer::type() const {
-    return (plain ? plain->weight : noisy->weight_mu).scalar_type();
-}
-
 torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* noise) {
     auto x = fc1_(features, noise ? &noise->hidden : nullptr);
     if (norm_) x = normalised(*norm_, x);
     x = x.relu();
-    auto out =
-        out_(x, noise ? &noise->out : nullptr).to(out_.type()).reshape({-1, choices_, config_.num_atoms});
+    auto out = out_(x, noise ? &noise->out : nullptr)
+                   .to(out_.weight().scalar_type())
+                   .reshape({-1, choices_, config_.num_atoms});
     if (combine_.defined()) out = combine_.matmul(out);
     if (!config_.dueling) return out;
-    const auto value = value_(x, noise ? &noise->value : nullptr).to(value_.type()).unsqueeze(1);
+    const auto value =
+        value_(x, noise ? &noise->value : nullptr).to(value_.weight().scalar_type()).unsqueeze(1);
     return dueling_values(value, out);
 }
 

@@ -24,6 +24,7 @@ struct QHeadConfig {
     std::int64_t num_atoms = 1;       // per action
     bool dueling = false;             // a state's value and the advantages apart
     bool noisy = false;               // noisy layers instead of dense ones
+    bool noisy_evaluation = false;    // with noise where the network is evaluated, too
     double initial_sigma = 0.1;       // of noisy layers
     double value_limit = 10;  // the atoms of a distribution are returns from -value_limit to value_limit
     /// Discrete::factors: an action's output is then the mean of its choices' outputs, one for each set.
@@ -45,9 +46,8 @@ NetworkSpec values_spec(std::vector<std::int64_t> observation, const Layers& enc
 /// (Wang et al. 2016, equation 9).
 torch::Tensor dueling_values(const torch::Tensor& value, const torch::Tensor& advantages);
 
-/// Returns the matrix [A, sum of factors] that makes the outputs of actions from those of their choices: the
-/// mean over the sets (Seyde et al. 2023, "Solving Continuous Control via Q-learning", equation 2).
-torch::Tensor factor_means(const std::vector<std::int64_t>& factors);
+/// Returns factor_means() as a tensor [A, sum of factors].
+torch::Tensor factor_matrix(const std::vector<std::int64_t>& factors);
 
 /// fc1 with ReLU, then `out` [A x atoms], or `adv` [A x atoms] and `value` [atoms] where dueling:
 /// value + adv - mean over the actions of adv. Dense layers are Glorot, or noisy. With factors, `out` or
@@ -66,20 +66,13 @@ class QHeadImpl : public torch::nn::Module {
     QNoise draw_noise(at::Generator generator, std::int64_t rows = 1) const;
 
   private:
-    /// A layer that is either plain or noisy.
-    struct Layer {
-        Dense plain{nullptr};
-        NoisyDense noisy{nullptr};
-        torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise) const;
-        at::ScalarType type() const;  // of its parameters
-    };
-    Layer add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
+    AnyDense add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
 
     QHeadConfig config_;
     std::int64_t in_;
     std::int64_t choices_;   // outputs of the last layer, each of num_atoms
-    torch::Tensor combine_;  // factor_means(), a buffer; undefined without factors
-    Layer fc1_, out_, value_;
+    torch::Tensor combine_;  // factor_matrix(), a buffer; undefined without factors
+    AnyDense fc1_, out_, value_;
     torch::nn::LayerNorm norm_{nullptr};  // ln1, where layer_norm
 };
 using QHead = torch::nn::ModuleHolder<QHeadImpl>;
@@ -108,7 +101,7 @@ class QNetworkImpl : public torch::nn::Module {
 
     ConvEncoder encoder{nullptr};  // parameters encoder.*
     QHead head{nullptr};           // parameters head.*
-    NetworkSpec acting;            // as evaluations act: without noise
+    NetworkSpec acting;            // as evaluations act
 };
 using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
 

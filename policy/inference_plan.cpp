@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 
@@ -20,7 +21,7 @@ std::size_t count(const Place& place) {
 }  // namespace
 
 void InferencePlan::run(std::span<const std::uint8_t> observations, std::size_t count,
-                        std::span<float> memory) const {
+                        std::span<float> memory, std::mt19937_64* noise) const {
     const auto each = [&](auto&& compute) {
         for (std::size_t i = 0; i < count; ++i) compute(i, memory.data() + i * memory_size);
     };
@@ -28,7 +29,10 @@ void InferencePlan::run(std::span<const std::uint8_t> observations, std::size_t 
     each([&](std::size_t i, float* own) { read_pixels(observations.subspan(i * bytes, bytes), own); });
     for (auto step = steps_.begin(); step != steps_.end();) {
         if (step->kind == Step::Kind::dense) {
-            run_dense(*step++, count, memory.data());
+            run_dense(*step, count, memory.data());
+            if (noise != nullptr && step->noise)
+                each([&](std::size_t, float* own) { add_noise(*step, own, *noise); });
+            ++step;
             continue;
         }
         // An image stays in the cache from layer to layer.
@@ -53,6 +57,30 @@ void InferencePlan::run_dense(const Step& step, std::size_t observations, float*
                      .next_vector = memory_size},
                     memory + step.in.begin, weights_.data() + step.weight, weights_.data() + step.bias,
                     memory + step.out.begin);
+}
+
+/// Adds f(q) (sigma_W (f(p) x) + sigma_b), f(x) = sign(x) sqrt|x| (Fortunato et al. 2018, equations 9 to 11).
+void InferencePlan::add_noise(const Step& step, float* memory, std::mt19937_64& random) const {
+    const auto& noise = *step.noise;
+    std::normal_distribution<float> normal;
+    const auto draw = [&](const Place& place) {
+        std::generate_n(memory + place.begin, count(place), [&] {
+            const float x = normal(random);
+            return std::copysign(std::sqrt(std::abs(x)), x);
+        });
+    };
+    const auto inputs = count(step.in), outputs = count(step.out);
+    float* const input = memory + noise.input.begin;
+    float* const result = memory + noise.perturbed.begin;
+    if (noise.draws_input) {
+        draw(noise.input);
+        std::transform(input, input + inputs, memory + step.in.begin, input, std::multiplies());
+    }
+    draw(noise.output);
+    kernels().dense({.outputs = outputs, .inputs = inputs, .next_vector = memory_size}, input,
+                    weights_.data() + noise.weight, weights_.data() + noise.bias, result);
+    for (std::size_t i = 0; i < outputs; ++i)
+        memory[step.out.begin + i] += memory[noise.output.begin + i] * result[i];
 }
 
 void InferencePlan::read_pixels(std::span<const std::uint8_t> observation, float* memory) const {
@@ -194,6 +222,17 @@ void log_softmax(std::span<float> values) {
     for (float& value : values) value -= largest + static_cast<float>(std::log(sum));
 }
 
+/// The outputs of actions from those of their choices, by factor_means().
+void combine_choices(const std::vector<float>& means, std::size_t actions, std::size_t atoms,
+                     const float* choices, float* values) {
+    std::fill_n(values, actions * atoms, 0.0f);
+    const auto count = means.size() / actions;
+    for (std::size_t a = 0; a < actions; ++a)
+        for (std::size_t choice = 0; choice < count; ++choice)
+            for (std::size_t atom = 0; atom < atoms; ++atom)
+                values[a * atoms + atom] += means[a * count + choice] * choices[choice * atoms + atom];
+}
+
 /// Wang et al. 2016, equation 9: V + A - mean over the actions of A, for each atom.
 void add_state_values(const float* values, std::size_t actions, std::size_t atoms, float* advantages) {
     for (std::size_t atom = 0; atom < atoms; ++atom) {
@@ -222,6 +261,7 @@ float expected_return(std::span<const float> logits, double limit) {
 /// From the head's dense layers to the output.
 void InferencePlan::finish(float* memory) const {
     float* const numbers = memory + outputs_.begin;
+    float* const values = memory + actions_.begin;
     float* const output = memory + output_.begin;
     const auto actions = size(head.num_actions), atoms = size(head.num_atoms);
     switch (head.kind) {
@@ -237,10 +277,11 @@ void InferencePlan::finish(float* memory) const {
             log_softmax({output, actions});
             break;
         case Head::Kind::values:
-            if (head.dueling) add_state_values(memory + value_.begin, actions, atoms, numbers);
+            if (!combine_.empty()) combine_choices(combine_, actions, atoms, numbers, values);
+            if (head.dueling) add_state_values(memory + value_.begin, actions, atoms, values);
             for (std::size_t a = 0; a < actions; ++a) {
                 output[a] =
-                    atoms == 1 ? numbers[a] : expected_return({numbers + a * atoms, atoms}, head.value_limit);
+                    atoms == 1 ? values[a] : expected_return({values + a * atoms, atoms}, head.value_limit);
             }
             break;
     }

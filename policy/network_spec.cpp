@@ -1,6 +1,7 @@
 #include "policy/network_spec.h"
 
 #include <algorithm>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 
@@ -29,8 +30,8 @@ Layer Layer::max_pool(std::int64_t kernel, std::int64_t stride) {
     return {.kind = Kind::max_pool, .kernel = kernel, .stride = stride};
 }
 
-Layer Layer::dense(std::string name, std::int64_t units) {
-    return {.kind = Kind::dense, .name = std::move(name), .outputs = units};
+Layer Layer::dense(std::string name, std::int64_t units, bool noisy) {
+    return {.kind = Kind::dense, .name = std::move(name), .outputs = units, .noisy = noisy};
 }
 
 Layer Layer::layer_norm(std::string name) {
@@ -47,6 +48,14 @@ Layers chain(std::initializer_list<Layers> lists) {
     Layers all;
     for (const auto& list : lists) all.insert(all.end(), list.begin(), list.end());
     return all;
+}
+
+bool is_noisy(const NetworkSpec& network) {
+    return network.head.noisy || std::ranges::any_of(network.layers, &Layer::noisy);
+}
+
+std::int64_t num_outputs(const Head& head) {
+    return head.factors.empty() ? head.num_actions : std::reduce(head.factors.begin(), head.factors.end());
 }
 
 // Sizes ---------------------------------------------------------------------------------
@@ -162,7 +171,7 @@ std::vector<SizedLayer> sized_layers(const NetworkSpec& network) {
 
 std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs) {
     const auto dense = [&](const char* name, std::int64_t outputs) {
-        SizedLayer layer{Layer::dense(name, outputs)};
+        SizedLayer layer{Layer::dense(name, outputs, head.noisy)};
         layer.in = {inputs};
         layer.out = {outputs};
         return layer;
@@ -177,7 +186,7 @@ std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs) {
         case Head::Kind::values:
             break;
     }
-    const auto outputs = head.num_actions * head.num_atoms;
+    const auto outputs = num_outputs(head) * head.num_atoms;
     if (head.dueling) return {dense("head.adv", outputs), dense("head.value", head.num_atoms)};
     return {dense("head.out", outputs)};
 }
@@ -195,6 +204,9 @@ std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network) {
         }
         parameters.push_back({layer.name + ".weight", weight});
         parameters.push_back({layer.name + ".bias", {layer.out.channels}});
+        if (!layer.noisy) return;
+        parameters.push_back({layer.name + ".weight_sigma", weight});
+        parameters.push_back({layer.name + ".bias_sigma", {layer.out.channels}});
     };
     const auto layers = sized_layers(network);
     for (const auto& layer : layers) add(layer);

@@ -48,11 +48,14 @@ struct Layer {
     /// first axis runs along the row; of its second only the position that "SAME" padding puts on an axis of
     /// one pixel is used.
     bool rows = false;
+    /// Of a dense layer: its weights have noise (networks/layers.h, NoisyDense), whose parameters are
+    /// `name`.weight_sigma and `name`.bias_sigma. It is drawn where actions are drawn, and else 0.
+    bool noisy = false;
 
     static Layer conv(std::string name, std::int64_t channels, std::int64_t kernel, std::int64_t stride,
                       Padding padding = Padding::same, bool rows = false);
     static Layer max_pool(std::int64_t kernel, std::int64_t stride);
-    static Layer dense(std::string name, std::int64_t units);
+    static Layer dense(std::string name, std::int64_t units, bool noisy = false);
     static Layer layer_norm(std::string name);
     /// A layer without parameters.
     static Layer of(Kind kind) { return {.kind = kind}; }
@@ -82,6 +85,10 @@ struct Head {
     std::int64_t num_atoms = 1;    // of values: more than one is a distribution (C51) ...
     double value_limit = 10;       // ... over returns from -value_limit to value_limit
     std::int64_t axes = 3;         // of the Gaussians: coordinates of an action
+    bool noisy = false;            // of values: the dense layers are noisy
+    /// Of values, where not empty: sets of choices, of which an action takes one each (Discrete::factors).
+    /// The layer has an output for every choice, and an action's is the mean of its choices'.
+    std::vector<std::int64_t> factors{};
 
     /// Whether it acts by coordinates of the joystick.
     bool continuous() const { return kind == Kind::squashed_gaussian || kind == Kind::gaussian; }
@@ -96,6 +103,12 @@ struct NetworkSpec {
 
     bool operator==(const NetworkSpec&) const = default;
 };
+
+/// Returns whether a layer of the network is noisy.
+bool is_noisy(const NetworkSpec& network);
+
+/// Returns the outputs of a head of values, of num_atoms each: one for each action or choice.
+std::int64_t num_outputs(const Head& head);
 
 /// One coordinate of the continuous joystick: an action is centre + half_width * tanh(u).
 struct StickAxis {

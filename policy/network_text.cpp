@@ -55,6 +55,7 @@ std::string layer_text(const Layer& layer) {
         const auto padding = names_of(Padding{})[static_cast<std::size_t>(layer.padding)];
         text.append(" ").append(layer.rows ? "rows" : padding);
     }
+    if (layer.noisy) text += " noisy";
     return text;
 }
 
@@ -70,8 +71,12 @@ std::string head_text(const Head& head) {
         case Head::Kind::values:
             break;
     }
-    return (head.dueling ? "dueling_values " : "values ") + number(head.num_actions) + ' ' +
-           number(head.num_atoms) + ' ' + number_text(head.value_limit);
+    std::string text = head.dueling ? "dueling_values " : "values ";
+    text += number(head.num_actions) + ' ' + number(head.num_atoms) + ' ' + number_text(head.value_limit);
+    if (head.noisy) text += " noisy";
+    if (!head.factors.empty()) text += " factors";
+    for (const auto factor : head.factors) text += ' ' + number(factor);
+    return text;
 }
 
 // Reading -------------------------------------------------------------------------------
@@ -108,6 +113,12 @@ class EntryReader {
         return word;
     }
     bool done() const { return now_ == words_.size(); }
+    /// Takes the next word if it is this one.
+    bool take(std::string_view word) {
+        if (done() || words_[now_] != word) return false;
+        ++now_;
+        return true;
+    }
     void end() const {
         if (!done()) refuse("has more to it than is known");
     }
@@ -153,8 +164,20 @@ Layer parse_layer(EntryReader entry) {
         if (!layer.rows && padding != "same" && padding != "valid")
             entry.refuse("is not padded as one of same, valid, rows");
     }
+    if (layer.kind == Kind::dense) layer.noisy = entry.take("noisy");
     entry.end();
     return layer;
+}
+
+std::vector<std::int64_t> parse_factors(EntryReader& entry, std::int64_t num_actions) {
+    std::vector<std::int64_t> factors;
+    std::int64_t product = 1;
+    do {
+        factors.push_back(entry.whole(kMostActions));
+        product *= factors.back();
+    } while (!entry.done() && product <= num_actions);
+    if (product != num_actions) entry.refuse("has factors whose product is not its number of actions");
+    return factors;
 }
 
 Head parse_head(EntryReader entry) {
@@ -173,6 +196,8 @@ Head parse_head(EntryReader entry) {
         head.dueling = kind == "dueling_values";
         head.num_atoms = entry.whole(kMostAtoms);
         head.value_limit = entry.real(kMostReturn);
+        head.noisy = entry.take("noisy");
+        if (entry.take("factors")) head.factors = parse_factors(entry, head.num_actions);
     }
     entry.end();
     return head;

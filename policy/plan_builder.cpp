@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "policy/factor_means.h"
+
 namespace cale::lite {
 namespace {
 
@@ -35,7 +37,14 @@ class InferencePlan::Builder {
         for (const auto& layer : head_layers(head, layers_.back().out.channels)) {
             now_ = input;
             add_dense(layer);
-            (layer.name == "head.value" ? plan_.value_ : plan_.outputs_) = now_.place;
+            const bool second = layer.name == "head.value";
+            (second ? plan_.value_ : plan_.outputs_) = now_.place;
+            if (second && layer.noisy) share_input_noise(plan_.steps_.end()[-2], plan_.steps_.back());
+        }
+        plan_.actions_ = plan_.outputs_;
+        if (!head.factors.empty()) {
+            plan_.combine_ = factor_means(head.factors);
+            plan_.actions_ = new_value({head.num_actions * head.num_atoms}).place;
         }
         if (head.kind == Head::Kind::gaussian) plan_.log_std_ = keep_weights("actor.log_std");
         plan_.output_ = new_value({output_size(head)}).place;
@@ -185,11 +194,27 @@ class InferencePlan::Builder {
     }
 
     void add_dense(const SizedLayer& layer) {
-        const auto& image = now_.place.size;
-        const auto weight = image.rows * image.columns > 1 ? keep_transposed(layer, image)
-                                                           : keep_weights(layer.name + ".weight");
-        step({.kind = Step::Kind::dense, .weight = weight, .bias = keep_weights(layer.name + ".bias")},
-             new_value(layer.out));
+        const auto image = now_.place.size;
+        const auto keep_matrix = [&](const std::string& name) {
+            return image.rows * image.columns > 1 ? keep_transposed(name, layer, image) : keep_weights(name);
+        };
+        Step dense{.kind = Step::Kind::dense,
+                   .weight = keep_matrix(layer.name + ".weight"),
+                   .bias = keep_weights(layer.name + ".bias")};
+        if (layer.noisy) {
+            dense.noise = {.weight = keep_matrix(layer.name + ".weight_sigma"),
+                           .bias = keep_weights(layer.name + ".bias_sigma"),
+                           .input = new_value({image.count()}).place,
+                           .output = new_value(layer.out).place,
+                           .perturbed = new_value(layer.out).place};
+        }
+        step(dense, new_value(layer.out));
+    }
+
+    /// Both read the same numbers.
+    static void share_input_noise(const Step& first, Step& second) {
+        second.noise->input = first.noise->input;
+        second.noise->draws_input = false;
     }
 
     std::size_t reserve(std::size_t floats) {
@@ -227,8 +252,8 @@ class InferencePlan::Builder {
     }
 
     /// Of a dense layer behind an image: its inputs from the order (channel, row, column) to that in memory.
-    std::size_t keep_transposed(const SizedLayer& layer, const ImageSize& image) {
-        const auto& stored = file_.weights.at(layer.name + ".weight");
+    std::size_t keep_transposed(const std::string& name, const SizedLayer& layer, const ImageSize& image) {
+        const auto& stored = file_.weights.at(name);
         const auto channels = size(image.channels), pixels = size(image.rows * image.columns);
         const auto begin = reserve(stored.size());
         float* to = &plan_.weights_[begin];
@@ -248,7 +273,8 @@ class InferencePlan::Builder {
     std::optional<Value> kept_;
 };
 
-InferencePlan::InferencePlan(const PolicyFile& file) : info(file.info), head(file.network.head) {
+InferencePlan::InferencePlan(const PolicyFile& file)
+    : info(file.info), head(file.network.head), noisy(is_noisy(file.network)) {
     Builder(*this, file).build();
 }
 

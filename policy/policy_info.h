@@ -63,7 +63,8 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
 
 /// How an action is chosen.
 ///   greedy        the mean action of a Gaussian, the likeliest or most valuable of a set
-///   sampled       drawn from the policy; action values (DQN, DER) are no distribution: greedy
+///   sampled       drawn from the policy; of action values (DQN, DER), which are no distribution, the best
+///                 after the noise of noisy layers is drawn, if there are any
 ///   as_evaluated  as the run's own evaluations do it: see PolicyInfo::evaluation_samples and epsilon
 enum class Choice { greedy, sampled, as_evaluated };
 

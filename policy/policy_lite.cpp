@@ -70,16 +70,19 @@ Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
     return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
 }
 
+bool samples(const PolicyInfo& info, Choice choice) {
+    return choice == Choice::sampled || (choice == Choice::as_evaluated && info.evaluation_samples);
+}
+
 Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choice choice,
                 std::mt19937_64& random) {
     const auto& info = plan.info;
     const bool evaluated = choice == Choice::as_evaluated;
     if (evaluated && info.epsilon > 0 && static_cast<double>(uniform(random)) <= info.epsilon)
         return uniform_decision(info, random);
-    const bool samples = choice == Choice::sampled || (evaluated && info.evaluation_samples);
-    // Action values are no distribution.
+    // Action values are no distribution: what is drawn of them is their noise.
     const bool has_distribution = plan.head.kind != Head::Kind::values;
-    return samples && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
+    return samples(info, choice) && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
 }
 
 void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
@@ -121,12 +124,17 @@ Workspace Policy::workspace(std::size_t observations) const {
 }
 
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
+    return output(observation, workspace, nullptr);
+}
+
+std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace,
+                                      std::mt19937_64* noise) const {
     require_own(plan_.get(), workspace.plan_);
     if (observation.size() != info().observation_size()) {
         throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
                                     " bytes: it must have " + std::to_string(info().observation_size()));
     }
-    plan_->run(observation, 1, workspace.numbers_);
+    plan_->run(observation, 1, workspace.numbers_, noise);
     return plan_->output(workspace.numbers_, 0);
 }
 
@@ -136,7 +144,8 @@ Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& works
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                      std::mt19937_64& random) const {
-    return chosen(*plan_, output(observation, workspace), choice, random);
+    auto* const noise = plan_->noisy && samples(info(), choice) ? &random : nullptr;
+    return chosen(*plan_, output(observation, workspace, noise), choice, random);
 }
 
 void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
@@ -154,10 +163,13 @@ void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision>
                                     std::to_string(observations.size()));
     }
     require_own(plan_.get(), workspace.plan_);
-    const auto room = workspace.numbers_.size() / plan_->memory_size;
+    const bool draws_noise = plan_->noisy && samples(info(), choice);
+    // Noise by noise and choice by choice, as one by one.
+    const auto room = draws_noise ? 1 : workspace.numbers_.size() / plan_->memory_size;
     for (std::size_t first = 0; first < decisions.size(); first += room) {
         const auto count = std::min(room, decisions.size() - first);
-        plan_->run(observations.subspan(first * size, count * size), count, workspace.numbers_);
+        plan_->run(observations.subspan(first * size, count * size), count, workspace.numbers_,
+                   draws_noise ? &random : nullptr);
         for (std::size_t i = 0; i < count; ++i)
             decisions[first + i] = chosen(*plan_, plan_->output(workspace.numbers_, i), choice, random);
     }

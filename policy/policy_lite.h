@@ -76,6 +76,8 @@ class Policy {
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
 
   private:
+    std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace,
+                                  std::mt19937_64* noise) const;
     explicit Policy(std::shared_ptr<const InferencePlan> plan) : plan_(std::move(plan)) {}
     std::shared_ptr<const InferencePlan> plan_;
 };

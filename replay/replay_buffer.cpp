@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "replay/config_entries.h"
+
 namespace cale {
 namespace {
 

@@ -3,6 +3,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "replay/config_entries.h"
 #include "replay/frame_ring.h"
 #include "replay/sum_tree.h"
 

@@ -9,6 +9,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "replay/config_entries.h"
 #include "replay/replay_file.h"
 
 namespace cale {

@@ -1,18 +1,15 @@
 // The replay's common types: configuration, steps in, batches out.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <numeric>
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 
 #include <torch/types.h>
 
-#include "cale/fields.h"
 #include "world/step_result.h"
 
 namespace cale {
@@ -40,22 +37,6 @@ struct ReplayConfig {
         return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
     }
 };
-
-/// One number of a configuration, with the key of its setting.
-struct ReplayConfigEntry {
-    const char* key;                               // such as agent.replay_capacity
-    double value;                                  // of this configuration
-    Range range;                                   // of possible values
-    std::span<const std::string_view> names = {};  // of an enumeration's values
-
-    /// Returns `number` as this entry's value is written.
-    std::string text(double number) const;
-};
-/// Returns all of them, in the order of a replay's files.
-std::array<ReplayConfigEntry, 10> entries(const ReplayConfig& config);
-
-/// Throws std::invalid_argument, naming key, value and range, for an impossible configuration.
-void validate(const ReplayConfig& config);
 
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
 /// the stack that ends with `frame`.

@@ -295,7 +295,9 @@ void add_evaluate(CLI::App& app, int& exit_code) {
                                     "the likeliest or most valuable action, the mean of a Gaussian");
     command
         .add_flag("--sampled", options->sampled,
-                  "actions drawn from the policy; without either: as the agent's own evaluations (PPO draws)")
+                  "actions drawn from the policy, or after noise is drawn for its weights; without either: "
+                  "as the agent's own "
+                  "evaluations (PPO and the joystick Rainbow draw)")
         ->excludes(greedy);
     command
         .add_option(

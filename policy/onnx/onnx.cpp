@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "onnx.pb.h"
+#include "policy/factor_means.h"
 
 namespace cale {
 namespace {
@@ -187,7 +188,13 @@ class Writer {
     void add_values(const std::string& hidden, const std::vector<SizedLayer>& layers) {
         const auto& head = policy_.network.head;
         const auto actions = head.num_actions, atoms = head.num_atoms;
-        graph_.add("Reshape", {graph_.now, graph_.constant("per_action", Ints{-1, actions, atoms})});
+        graph_.add("Reshape",
+                   {graph_.now, graph_.constant("per_action", Ints{-1, num_outputs(head), atoms})});
+        if (!head.factors.empty()) {
+            const auto means =
+                graph_.constant("factor_means", {actions, num_outputs(head)}, factor_means(head.factors));
+            graph_.add("MatMul", {means, graph_.now});
+        }
         if (head.dueling) {
             const auto advantages = graph_.now;
             graph_.now = hidden;

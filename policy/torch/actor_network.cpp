@@ -17,9 +17,9 @@ void leave_at_zero(torch::Tensor& weight, const at::Generator&) {
     weight.zero_();
 }
 
-/// Without a generator layers have no values (no_values()); this one is not drawn from.
+/// Without a generator layers have no values (no_values()). What is drawn from this one is replaced.
 at::Generator unused_generator() {
-    return at::detail::getDefaultCPUGenerator();
+    return at::detail::createCPUGenerator();
 }
 
 /// The same layers under names that LibTorch allows for modules: without dots.
@@ -39,16 +39,15 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
     : head_(network.head),
       layers_(owner_, without_dots(network.layers), network.observation, leave_at_zero, unused_generator()) {
     const torch::NoGradGuard no_grad;
-    for (const auto& layer : head_layers(head_, layers_.features())) {
-        Dense dense(layer.in.channels, layer.outputs, leave_at_zero, unused_generator());
-        auto name = layer.name;
-        std::ranges::replace(name, '.', '/');
-        last_.push_back(owner_.register_module(name, dense));
+    for (auto layer : head_layers(head_, layers_.features())) {
+        std::ranges::replace(layer.name, '.', '/');
+        last_.push_back(dense_layer(owner_, layer, leave_at_zero, unused_generator()));
     }
     for (auto& parameter : owner_.named_parameters()) {
-        // "actor/fc1.weight" is actor.fc1.weight
+        // "actor/fc1.weight" is actor.fc1.weight, and so is "actor/fc1.weight_mu".
         auto name = parameter.key();
         std::ranges::replace(name, '/', '.');
+        if (name.ends_with("_mu")) name.resize(name.size() - 3);
         auto& tensor = parameter.value();
         tensor.copy_(tensor_of(weights.at(name), tensor.sizes()));
         tensor.requires_grad_(false);
@@ -56,32 +55,47 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
     owner_.to(device);
     if (head_.kind == Head::Kind::gaussian)
         log_std_ = tensor_of(weights.at("actor.log_std"), {head_.axes}).to(device);
+    if (!head_.factors.empty()) combine_ = factor_matrix(head_.factors).to(device);
     if (head_.num_atoms > 1) {
         support_ = torch::linspace(-head_.value_limit, head_.value_limit, head_.num_atoms, torch::kFloat32)
                        .to(device);
     }
 }
 
-torch::Tensor ActorNetwork::output(const torch::Tensor& observations, const LayerStack::Watch& watch) const {
-    const auto features = layers_(layers_.scaled(observations), watch);
+torch::Tensor ActorNetwork::output(const torch::Tensor& observations, const LayerStack::Watch& watch,
+                                   const std::optional<at::Generator>& noise) const {
+    torch::Tensor input_noise;  // of the head's layers, which share it
+    if (noise && head_.noisy)
+        input_noise =
+            torch::randn({observations.size(0), layers_.features()}, *noise).to(observations.device());
+    const auto features = layers_(layers_.scaled(observations), watch, noise);
     switch (head_.kind) {
         case Head::Kind::squashed_gaussian:
-            return last_[0]->forward(features);
+            return last_[0](features);
         case Head::Kind::gaussian: {
-            const auto mean = last_[0]->forward(features);
+            const auto mean = last_[0](features);
             return torch::cat({mean, log_std_.expand_as(mean)}, 1);
         }
         case Head::Kind::categorical:
-            return last_[0]->forward(features).log_softmax(1);
+            return last_[0](features).log_softmax(1);
         case Head::Kind::values:
             break;
     }
-    return action_values(features);
+    return action_values(features, input_noise, noise);
 }
 
-torch::Tensor ActorNetwork::action_values(const torch::Tensor& features) const {
-    auto values = last_[0]->forward(features).reshape({-1, head_.num_actions, head_.num_atoms});
-    if (head_.dueling) values = dueling_values(last_[1]->forward(features).unsqueeze(1), values);
+torch::Tensor ActorNetwork::action_values(const torch::Tensor& features, const torch::Tensor& input_noise,
+                                          const std::optional<at::Generator>& noise) const {
+    const auto result = [&](const AnyDense& layer) {
+        if (!input_noise.defined()) return layer(features);
+        const auto size = layer.weight().size(0);
+        const FactorisedNoise draw{input_noise,
+                                   torch::randn({features.size(0), size}, *noise).to(features.device())};
+        return layer(features, &draw);
+    };
+    auto values = result(last_[0]).reshape({-1, num_outputs(head_), head_.num_atoms});
+    if (combine_.defined()) values = combine_.matmul(values);
+    if (head_.dueling) values = dueling_values(result(last_[1]).unsqueeze(1), values);
     return support_.defined() ? (values.softmax(2) * support_).sum(2) : values.squeeze(2);
 }
 

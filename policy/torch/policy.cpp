@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -43,13 +44,15 @@ struct Policy::Impl {
     Impl(const PolicyFile& file, torch::Device device_)
         : info(file.info),
           head(file.network.head.kind),
+          noisy(is_noisy(file.network)),
           observation(file.network.observation),
           device(device_),
           network(file.network, file.weights, device),
           box(box_on(device, file.info.joystick)) {}
 
-    torch::Tensor output(const torch::Tensor& observations) const {
-        return network.output(observations.to(device));
+    torch::Tensor output(const torch::Tensor& observations,
+                         const std::optional<at::Generator>& noise = std::nullopt) const {
+        return network.output(observations.to(device), {}, noise);
     }
 
     torch::Tensor greedy(const torch::Tensor& output) const {
@@ -79,6 +82,7 @@ struct Policy::Impl {
 
     PolicyInfo info;
     Head::Kind head;
+    bool noisy;                             // is_noisy()
     std::vector<std::int64_t> observation;  // its shape
     torch::Device device;
     ActorNetwork network;
@@ -128,10 +132,11 @@ torch::Tensor Policy::act(const torch::Tensor& observations) const {
 
 torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::Generator random) const {
     const torch::NoGradGuard no_grad;
-    const auto output = impl_->output(observations);
     const bool evaluated = choice == Choice::as_evaluated;
     const bool samples = choice == Choice::sampled || (evaluated && impl_->info.evaluation_samples);
-    // Action values are no distribution.
+    const auto output =
+        impl_->output(observations, samples && impl_->noisy ? std::optional(random) : std::nullopt);
+    // Action values are no distribution: what is drawn of them is their noise.
     const bool has_distribution = impl_->head != Head::Kind::values;
     const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
     return evaluated && impl_->info.epsilon > 0 ? impl_->epsilon_greedy(actions, random) : actions;

@@ -59,6 +59,20 @@ inline NetworkSpec with_actions(std::int64_t count, NetworkSpec network) {
     return network;
 }
 
+/// The same with noisy layers behind the encoder.
+inline NetworkSpec noisy(NetworkSpec network) {
+    for (auto& layer : network.layers)
+        if (layer.kind == Layer::Kind::dense) layer.noisy = layer.name.starts_with("head.");
+    network.head.noisy = true;
+    return network;
+}
+
+/// Eighteen actions, each a choice among three, three and two.
+inline NetworkSpec factored(NetworkSpec network) {
+    network.head.factors = {3, 3, 2};
+    return with_actions(18, std::move(network));
+}
+
 /// Layers in every order that readers have to care about: residual blocks of several kinds, numbers of
 /// channels that fill no vector, a norm behind an image.
 inline NetworkSpec mixture() {
@@ -125,6 +139,10 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
             {"rainbow_factored",
              with_observation({4, 128}, with_actions(18, action_values(mlp(true), true, 51)))},
+            {"noisy", noisy(action_values(phi_dqn()))},
+            {"noisy_ram", noisy(with_observation({2, 16}, action_values(cale::flat(), true, 11)))},
+            {"noisy_factored", noisy(with_observation({4, 128}, factored(action_values(mlp(true)))))},
+            {"dueling_factored", factored(action_values(phi_sac(), true, 51))},
             {"mixture", mixture()}};
 }
 
@@ -144,6 +162,7 @@ inline PolicyInfo sample_info(const NetworkSpec& network) {
     }
     info.encoder = "phi_sac";
     set_observation(info, network.observation);
+    info.evaluation_samples = is_noisy(network);
     info.epsilon = 0.25;
     info.provenance = {{"seed", "7"}, {"config", "env:\n  game: breakout\n"}};
     return info;

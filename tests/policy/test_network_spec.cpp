@@ -117,6 +117,14 @@ TEST(NetworkText, RefusesWhatItDoesNotKnow) {
     EXPECT_THAT(refusal("observation 4 8; flatten; dense a/b 8; gaussian"), HasSubstr("a name that is not"));
     EXPECT_THAT(refusal("observation 4 8; flatten; dense fc 08; gaussian"), HasSubstr("not written as"));
     EXPECT_THAT(refusal("observation 4 8; flatten; values 19 1 10"), HasSubstr("from 1 to 18"));
+    EXPECT_EQ(refusal("observation 4 8; flatten; dense fc 8 noisy; values 18 1 10 noisy factors 3 3 2"),
+              "no error");
+    EXPECT_THAT(refusal("observation 4 8; flatten; values 18 1 10 factors"), HasSubstr("ends too early"));
+    for (const auto* factors : {"2", "3 3", "3 3 3", "18 18"}) {
+        EXPECT_THAT(refusal(std::string("observation 4 8; flatten; values 18 1 10 factors ").append(factors)),
+                    HasSubstr("has factors whose product is not its number of actions"));
+    }
+    EXPECT_THAT(refusal("observation 4 8; flatten; values 18 1 10 loud"), HasSubstr("has more to it"));
     EXPECT_THAT(refusal("observation 4 8; flatten; values 18 1 nan"), HasSubstr("from 0 to 1e+09"));
     EXPECT_THAT(refusal("observation 4 8 8; conv c 8 3 1 full; flatten; gaussian"),
                 HasSubstr("is not padded"));

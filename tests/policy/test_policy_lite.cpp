@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <new>
+#include <numbers>
 #include <thread>
 
 #include "policy/sample_policies.h"
@@ -115,6 +117,42 @@ TEST(LitePolicy, SampledFollowsTheDistribution) {
     const auto numbers = gaussian.output(pixels, memory);
     EXPECT_NEAR(mean, numbers[0], 0.05);
     EXPECT_NEAR(std::sqrt(square - mean * mean), std::exp(numbers[3]), 0.05);
+}
+
+TEST(LitePolicy, SampledActionValuesHaveTheNoiseOfTheirLayers) {
+    // One layer, y = (mu + sigma f(q) f(p)^T) x + b + s f(q), of which E f^2 = sqrt(2 / pi).
+    auto network = test::noisy(test::with_observation({1, 4}, test::action_values(flat())));
+    network.layers = flat();
+    const auto file = sample_policy(network);
+    const lite::InferencePlan plan(file);
+    const std::vector<std::uint8_t> bytes{0, 51, 102, 255};
+    const std::vector<double> x{0, 0.2, 0.4, 1};
+    lite::Floats memory(plan.memory_size);
+    plan.run(bytes, 1, memory);
+    const auto output = plan.output(memory, 0);
+    const std::vector<double> mean(output.begin(), output.end());
+    const auto actions = mean.size();
+    constexpr int kDraws = 40'000;
+    std::mt19937_64 random(1);
+    std::vector<double> sum(actions), squares(actions);
+    for (int draw = 0; draw < kDraws; ++draw) {
+        plan.run(bytes, 1, memory, &random);
+        for (std::size_t a = 0; a < actions; ++a) {
+            const double difference = static_cast<double>(plan.output(memory, 0)[a]) - mean[a];
+            sum[a] += difference;
+            squares[a] += difference * difference;
+        }
+    }
+    const double f_squared = std::sqrt(2 / std::numbers::pi);
+    for (std::size_t a = 0; a < actions; ++a) {
+        double variance = std::pow(file.weights.at("head.out.bias_sigma")[a], 2);
+        for (std::size_t i = 0; i < x.size(); ++i)
+            variance +=
+                f_squared * std::pow(x[i] * file.weights.at("head.out.weight_sigma")[a * x.size() + i], 2);
+        variance *= f_squared;
+        EXPECT_NEAR(sum[a] / kDraws, 0, 5 * std::sqrt(variance / kDraws));
+        EXPECT_NEAR(squares[a] / kDraws / variance, 1, 0.06);
+    }
 }
 
 TEST(LitePolicy, AsEvaluatedIsUniformWithProbabilityEpsilon) {

@@ -205,6 +205,36 @@ TEST(PolicyTest, AsEvaluatedDrawsInTheOrderOfTheAgents) {
     EXPECT_FALSE(at::equal(actions, policy.act(frames)));
 }
 
+TEST(PolicyTest, DrawsTheNoiseOfItsLayersAsLiteDoes) {
+    constexpr int kDraws = 4'000;
+    for (const auto& [name, network] : test::sample_networks()) {
+        if (!is_noisy(network)) continue;
+        auto file = sample_policy(network);
+        for (auto& [parameter, numbers] : file.weights)
+            if (parameter.ends_with("_sigma"))
+                for (auto& number : numbers) number *= 0.5f;
+        const auto policy = Policy::parse(policy_file_contents(file));
+        const auto lite = lite::Policy::parse(policy_file_contents(file));
+        const auto frame = observations(network, 2)[1].contiguous();
+        auto shape = frame.sizes().vec();
+        shape.insert(shape.begin(), kDraws);
+        const auto actions = policy.act(frame.unsqueeze(0).expand(shape), Choice::sampled, generator());
+        auto workspace = lite.workspace();
+        std::mt19937_64 random(1);
+        std::vector<double> frequencies(policy.info().actions.size());
+        for (int i = 0; i < kDraws; ++i)
+            frequencies.at(static_cast<std::size_t>(
+                lite.act(bytes_of(frame), workspace, Choice::sampled, random).action)) += 1.0 / kDraws;
+        EXPECT_LT(*std::ranges::max_element(frequencies), 0.999) << name;
+        for (std::size_t a = 0; a < frequencies.size(); ++a) {
+            const auto count = (actions == static_cast<std::int64_t>(a)).sum().item<double>();
+            EXPECT_NEAR(count / kDraws, frequencies[a], 0.05) << name << ", action " << a;
+        }
+        EXPECT_TRUE(at::equal(policy.act(frame.unsqueeze(0)),
+                              torch::tensor({lite.act(bytes_of(frame), workspace).action}, torch::kInt64)));
+    }
+}
+
 TEST(PolicyTest, ActsInTheCoordinatesOfItsJoystick) {
     auto file = sample_policy(test::sample_networks().front().network);
     file.info.joystick = Joystick::cartesian;

@@ -86,6 +86,13 @@ std::vector<Case> cases() {
     der.encoder = EncoderKind::impala;
     DerConfig rainbow_parts = der;
     rainbow_parts.distributional = rainbow_parts.noisy = false;
+    DerConfig der_noisy = der;
+    der_noisy.noisy_evaluation = true;
+    der_noisy.noisy_sigma = 2;
+    DerConfig der_noisy_factored = der_noisy;
+    der_noisy_factored.encoder = EncoderKind::mlp;
+    der_noisy_factored.layer_norm = true;
+    der_noisy_factored.dueling = der_noisy_factored.distributional = false;
     SacConfig sac_ram;
     PpoConfig ppo_ram;
     DqnConfig dqn_ram;
@@ -107,7 +114,10 @@ std::vector<Case> cases() {
             make_case("sac_cartesian", "sac", sac_ram, joystick, make_sac, Obs::ram, Joystick::cartesian),
             make_case("ppo_direction", "ppo", ppo_ram, joystick, make_ppo, Obs::ram, Joystick::direction),
             make_case("sacd_factored", "sacd", sacd, joystick, make_sacd, Obs::pixels, Joystick::factored),
-            make_case("der_factored", "der", der, joystick, make_der, Obs::pixels, Joystick::factored)};
+            make_case("der_factored", "der", der, joystick, make_der, Obs::pixels, Joystick::factored),
+            make_case("der_noisy", "der", der_noisy, ActionSet::minimal, make_der),
+            make_case("der_noisy_factored", "der", der_noisy_factored, joystick, make_der, Obs::ram,
+                      Joystick::factored)};
 }
 
 /// What is seen of a game of Breakout that chance plays: [count, stack, ...].
@@ -194,7 +204,7 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     EXPECT_EQ(info.encoder, "its encoder");
     EXPECT_EQ(info.threshold, 0.25);
     EXPECT_TRUE(info.life_loss_ends_episode);
-    EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo");
+    EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo" || GetParam().name.starts_with("der_noisy"));
     EXPECT_EQ(info.provenance.at("agent_steps"), "1234");
     EXPECT_EQ(info.provenance.at("seed"), "1");
     const auto env = env_config_of(info);
