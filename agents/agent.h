@@ -72,7 +72,7 @@ std::vector<std::int64_t> observation_shape(const AgentSpec& spec);
 struct AgentPolicy {
     NetworkSpec network;   // the half that acts
     TensorMap weights;     // by the names of parameter_shapes(network), float32 on the CPU
-    bool samples = false;  // draws its actions from the policy, instead of taking the best one
+    bool samples = false;  // draws actions or noise (Choice::sampled), instead of taking the best action
     double epsilon = 0;    // probability of a uniform action
 };
 

@@ -130,8 +130,8 @@ struct Der : QState {
     }
 
     /// Noisy weights explore by themselves, from the first step on or behind a random warm-up.
-    double epsilon(double scheduled) const {
-        return config.noisy && (scheduled < 1 || !config.random_warmup) ? 0 : scheduled;
+    double epsilon(double scheduled, bool warms_up) const {
+        return config.noisy && !(config.random_warmup && warms_up) ? 0 : scheduled;
     }
 
     std::map<std::string, double> metrics(const DerLosses& losses) const {

@@ -88,6 +88,7 @@ class AgentReplay {
     std::int64_t due(std::int64_t period) const;
     /// Returns epsilon for the next decision: 1 during the warm-up, then as `settings` say.
     double epsilon(const EpsilonSettings& settings) const;
+    bool warms_up() const { return decisions_ <= settings_.min_replay; }  // the first decisions of a run
 
     /// Returns a batch on the agent's device, in the same memory every time. `index` stays on the CPU.
     Batch sample();
@@ -180,7 +181,7 @@ struct Acting {
 ///     acting()->acting, or network->acting             the specification that policies are exported by
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]
-///     double epsilon(double scheduled)                 epsilon in training, if not the scheduled one
+///     double epsilon(double scheduled, bool warms_up)  epsilon in training, if not the scheduled one
 ///     config.exploration                               standard: explores by its own noise, without epsilon
 ///     config.actor_period                              learn() takes a third argument, false in gradient
 ///                                                      steps that leave the actor as it is
@@ -252,7 +253,8 @@ class OffPolicy final : public Agent {
         const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
         if constexpr (requires { algorithm_.config.exploration; })
             if (algorithm_.config.exploration == Exploration::standard) return std::nullopt;
-        if constexpr (requires { algorithm_.epsilon(scheduled); }) return algorithm_.epsilon(scheduled);
+        if constexpr (requires { algorithm_.epsilon(scheduled, true); })
+            return algorithm_.epsilon(scheduled, replay_.warms_up());
         return scheduled;
     }
     double epsilon() const { return exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0); }

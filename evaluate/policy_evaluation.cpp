@@ -90,7 +90,7 @@ Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
     }
     return [policy, seed, generators = std::map<std::int64_t, at::Generator>()](
                const torch::Tensor& observations, std::span<const std::int64_t> games) mutable {
-        std::vector<torch::Tensor> actions;
+        std::vector<torch::Tensor> actions, values;
         for (std::int64_t row = 0; row < observations.size(0); ++row) {
             const std::int64_t game = games[static_cast<std::size_t>(row)];
             auto generator = generators.find(game);
@@ -98,9 +98,13 @@ Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
                 const auto own = derive_seed(seed, "evaluation sample", game);
                 generator = generators.emplace(game, at::detail::createCPUGenerator(own)).first;
             }
-            actions.push_back(policy.act(observations.narrow(0, row, 1), Choice::sampled, generator->second));
+            const auto one = observations.narrow(0, row, 1);
+            actions.push_back(policy.act(one, Choice::sampled, generator->second));
+            if (policy.gives_action_values())
+                values.push_back(policy.output(one).gather(1, actions.back().unsqueeze(1)).squeeze(1));
         }
-        return Chosen{.actions = torch::cat(actions)};
+        return Chosen{.actions = torch::cat(actions),
+                      .values = values.empty() ? torch::Tensor() : torch::cat(values)};
     };
 }
 

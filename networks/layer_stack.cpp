@@ -70,7 +70,8 @@ LayerStack::LayerStack(torch::nn::Module& owner, const Layers& layers, const std
             parameters = owner.register_module(layer.name, conv);
             if (!weight_.defined()) weight_ = conv->weight;
         } else if (layer.kind == Kind::dense) {
-            const auto dense = dense_layer(owner, layer, initialise, generator);
+            const auto dense = add_dense(owner, layer.name, layer.in.channels, layer.outputs, initialise,
+                                         layer.noisy ? std::optional(0.0) : std::nullopt, generator);
             parameters = dense;
             if (!weight_.defined()) weight_ = dense.weight();
         } else if (layer.kind == Kind::layer_norm) {
@@ -115,10 +116,9 @@ torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch,
             case Kind::dense: {
                 const bool noisy = noise && layer.noisy;
                 const auto normal = [&](std::int64_t size) {
-                    return torch::randn({x.size(0), size}, *noise).to(x.device());
+                    return noisy ? torch::randn({x.size(0), size}, *noise).to(x.device()) : torch::Tensor();
                 };
-                const auto draw =
-                    noisy ? FactorisedNoise{normal(x.size(1)), normal(layer.outputs)} : FactorisedNoise{};
+                const FactorisedNoise draw{normal(x.size(1)), normal(layer.outputs)};
                 x = std::get<AnyDense>(parameters)(x, noisy ? &draw : nullptr);
                 break;
             }

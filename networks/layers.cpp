@@ -109,14 +109,14 @@ torch::Tensor NoisyDenseImpl::forward(const torch::Tensor& x, const FactorisedNo
     return affine(x, weight_mu, bias_mu) + perturbed * f(noise->output);
 }
 
-AnyDense dense_layer(torch::nn::Module& owner, const SizedLayer& layer, const Initialiser& initialise,
-                     const at::Generator& generator) {
+AnyDense add_dense(torch::nn::Module& owner, const std::string& name, std::int64_t in, std::int64_t out,
+                   const Initialiser& initialise, std::optional<double> initial_sigma,
+                   const at::Generator& generator) {
     AnyDense dense;
-    const auto in = layer.in.channels, out = layer.out.channels;
-    if (layer.noisy) {
-        dense.noisy = owner.register_module(layer.name, NoisyDense(in, out, 0, generator));
+    if (initial_sigma) {
+        dense.noisy = owner.register_module(name, NoisyDense(in, out, *initial_sigma, generator));
     } else {
-        dense.plain = owner.register_module(layer.name, Dense(in, out, initialise, generator));
+        dense.plain = owner.register_module(name, Dense(in, out, initialise, generator));
     }
     return dense;
 }

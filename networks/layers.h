@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -76,19 +77,20 @@ class NoisyDenseImpl : public torch::nn::Module {
 };
 using NoisyDense = torch::nn::ModuleHolder<NoisyDenseImpl>;
 
-/// A layer that is either plain or noisy.
+/// A layer that is either plain, and ignores noise, or noisy.
 struct AnyDense {
-    Dense plain{nullptr};
-    NoisyDense noisy{nullptr};
-    /// A plain layer ignores the noise.
+    Dense plain{nullptr};       // or none
+    NoisyDense noisy{nullptr};  // or none
+    /// [B, in] -> [B, out]
     torch::Tensor operator()(const torch::Tensor& x, const FactorisedNoise* noise = nullptr) const {
         return plain ? plain->forward(x) : noisy->forward(x, noise);
     }
-    torch::Tensor weight() const { return plain ? plain->weight : noisy->weight_mu; }
+    torch::Tensor weight() const { return plain ? plain->weight : noisy->weight_mu; }  // [out, in]
 };
-/// Returns the layer, registered with its owner under its name. The sigma of noisy weights is 0.
-AnyDense dense_layer(torch::nn::Module& owner, const SizedLayer& layer, const Initialiser& initialise,
-                     const at::Generator& generator);
+/// Returns a layer, registered with its owner: noisy with an `initial_sigma`, else plain and initialised so.
+AnyDense add_dense(torch::nn::Module& owner, const std::string& name, std::int64_t in, std::int64_t out,
+                   const Initialiser& initialise, std::optional<double> initial_sigma,
+                   const at::Generator& generator);
 
 /// A square convolution. weight [out, in, kernel, kernel], bias [out], zero at first.
 class ConvImpl : public torch::nn::Module {

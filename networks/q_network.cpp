@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -56,23 +57,17 @@ QHeadImpl::QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator g
     }
     const auto out = choices_ * config.num_atoms;
     if (!config.factors.empty()) combine_ = register_buffer("combine", factor_matrix(config.factors));
-    fc1_ = add_layer("fc1", in, config.hidden_units, generator);
+    const auto layer = [&](const char* name, std::int64_t inputs, std::int64_t outputs) {
+        const auto sigma = config.noisy ? std::optional(config.initial_sigma) : std::nullopt;
+        return add_dense(*this, name, inputs, outputs, glorot_uniform(), sigma, generator);
+    };
+    fc1_ = layer("fc1", in, config.hidden_units);
     if (config.layer_norm) {
         const auto options = torch::nn::LayerNormOptions({config.hidden_units}).eps(kLayerNormEpsilon);
         norm_ = register_module("ln1", torch::nn::LayerNorm(options));
     }
-    out_ = add_layer(config.dueling ? "adv" : "out", config.hidden_units, out, generator);
-    if (config.dueling) value_ = add_layer("value", config.hidden_units, config.num_atoms, generator);
-}
-
-AnyDense QHeadImpl::add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator) {
-    AnyDense layer;
-    if (config_.noisy) {
-        layer.noisy = register_module(name, NoisyDense(in, out, config_.initial_sigma, generator));
-    } else {
-        layer.plain = register_module(name, Dense(in, out, glorot_uniform(), generator));
-    }
-    return layer;
+    out_ = layer(config.dueling ? "adv" : "out", config.hidden_units, out);
+    if (config.dueling) value_ = layer("value", config.hidden_units, config.num_atoms);
 }
 
 torch::Tensor QHeadImpl::forward(const torch::Tensor& features, const QNoise* noise) {

@@ -35,7 +35,7 @@ struct QHeadConfig {
 /// Standard normal numbers of one pass. The layers behind the hidden one share their input's draw, as in
 /// the reference, where one key serves all layers.
 struct QNoise {
-    FactorisedNoise hidden, out, value;  // value: only where dueling
+    FactorisedNoise hidden, out, value;  // value: used where dueling
 };
 
 /// Returns the specification of a network with this encoder and this head.
@@ -66,8 +66,6 @@ class QHeadImpl : public torch::nn::Module {
     QNoise draw_noise(at::Generator generator, std::int64_t rows = 1) const;
 
   private:
-    AnyDense add_layer(const char* name, std::int64_t in, std::int64_t out, at::Generator generator);
-
     QHeadConfig config_;
     std::int64_t in_;
     std::int64_t choices_;   // outputs of the last layer, each of num_atoms

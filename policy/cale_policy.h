@@ -48,8 +48,8 @@ typedef struct {
     double epsilon;                 /* of the run's own evaluations */
 } cale_policy_info;
 
-/* greedy: the likeliest, mean or most valuable action; sampled: drawn from the policy, or after its noise is; as
- * evaluated: as the run's own evaluations did it. */
+/* greedy: the likeliest, mean or most valuable action; sampled: drawn from the policy, or of noisy action
+ * values the best after a draw; as evaluated: as the run's own evaluations did it. */
 enum { CALE_GREEDY = 0, CALE_SAMPLED = 1, CALE_AS_EVALUATED = 2 };
 
 /* A policy file; or its contents in memory, which may go afterwards. Nothing in it is executed. NULL on

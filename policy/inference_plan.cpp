@@ -77,8 +77,8 @@ void InferencePlan::add_noise(const Step& step, float* memory, std::mt19937_64& 
         std::transform(input, input + inputs, memory + step.in.begin, input, std::multiplies());
     }
     draw(noise.output);
-    kernels().dense({.outputs = outputs, .inputs = inputs, .next_vector = memory_size}, input,
-                    weights_.data() + noise.weight, weights_.data() + noise.bias, result);
+    kernels().dense({.outputs = outputs, .inputs = inputs}, input, weights_.data() + noise.weight,
+                    weights_.data() + noise.bias, result);
     for (std::size_t i = 0; i < outputs; ++i)
         memory[step.out.begin + i] += memory[noise.output.begin + i] * result[i];
 }

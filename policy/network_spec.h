@@ -48,8 +48,8 @@ struct Layer {
     /// first axis runs along the row; of its second only the position that "SAME" padding puts on an axis of
     /// one pixel is used.
     bool rows = false;
-    /// Of a dense layer: its weights have noise (networks/layers.h, NoisyDense), whose parameters are
-    /// `name`.weight_sigma and `name`.bias_sigma. It is drawn where actions are drawn, and else 0.
+    /// Of a dense layer: its weights have noise (NoisyDense) by the parameters `name`.weight_sigma and
+    /// `name`.bias_sigma, drawn where actions are drawn and else 0.
     bool noisy = false;
 
     static Layer conv(std::string name, std::int64_t channels, std::int64_t kernel, std::int64_t stride,

@@ -175,8 +175,9 @@ std::vector<std::int64_t> parse_factors(EntryReader& entry, std::int64_t num_act
     do {
         factors.push_back(entry.whole(kMostActions));
         product *= factors.back();
-    } while (!entry.done() && product <= num_actions);
-    if (product != num_actions) entry.refuse("has factors whose product is not its number of actions");
+    } while (!entry.done() && product <= num_actions && factors.back() > 1);
+    if (product != num_actions || factors.back() == 1)
+        entry.refuse("has factors whose product is not its number of actions");
     return factors;
 }
 
@@ -235,6 +236,7 @@ void check_network(const NetworkSpec& network) {
                 multiplications += results * static_cast<double>(layer.in.channels * layer.kernel_rows *
                                                                  layer.kernel_columns);
             }
+            if (layer.noisy) numbers += static_cast<double>(layer.in.count()) + 2 * results;
         }
         if (numbers > kMostNumbers || multiplications > kMostMultiplications)
             throw FileDamage("its network is larger than one for a game has reason to be");

@@ -35,11 +35,11 @@ class InferencePlan::Builder {
         const auto input = now_;
         const auto& head = file_.network.head;
         for (const auto& layer : head_layers(head, layers_.back().out.channels)) {
-            now_ = input;
-            add_dense(layer);
             const bool second = layer.name == "head.value";
+            const auto shared = second ? plan_.steps_.back().noise : std::nullopt;
+            now_ = input;
+            add_dense(layer, shared);
             (second ? plan_.value_ : plan_.outputs_) = now_.place;
-            if (second && layer.noisy) share_input_noise(plan_.steps_.end()[-2], plan_.steps_.back());
         }
         plan_.actions_ = plan_.outputs_;
         if (!head.factors.empty()) {
@@ -193,7 +193,8 @@ class InferencePlan::Builder {
         }
     }
 
-    void add_dense(const SizedLayer& layer) {
+    /// `shared`: the noise of a layer with the same input, whose draw for the input is used again.
+    void add_dense(const SizedLayer& layer, const std::optional<Step::Noise>& shared = std::nullopt) {
         const auto image = now_.place.size;
         const auto keep_matrix = [&](const std::string& name) {
             return image.rows * image.columns > 1 ? keep_transposed(name, layer, image) : keep_weights(name);
@@ -204,17 +205,12 @@ class InferencePlan::Builder {
         if (layer.noisy) {
             dense.noise = {.weight = keep_matrix(layer.name + ".weight_sigma"),
                            .bias = keep_weights(layer.name + ".bias_sigma"),
-                           .input = new_value({image.count()}).place,
+                           .input = shared ? shared->input : new_value({image.count()}).place,
                            .output = new_value(layer.out).place,
-                           .perturbed = new_value(layer.out).place};
+                           .perturbed = new_value(layer.out).place,
+                           .draws_input = !shared};
         }
         step(dense, new_value(layer.out));
-    }
-
-    /// Both read the same numbers.
-    static void share_input_noise(const Step& first, Step& second) {
-        second.noise->input = first.noise->input;
-        second.noise->draws_input = false;
     }
 
     std::size_t reserve(std::size_t floats) {

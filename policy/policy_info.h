@@ -41,8 +41,8 @@ struct PolicyInfo {
     /// Whether the stack restarts at a lost life too (Atari 100k), not only with a game.
     bool life_loss_ends_episode = false;
 
-    /// How the run's own evaluations act: by drawing from the policy, and by a uniformly random action with
-    /// probability `epsilon`.
+    /// How the run's own evaluations act: as Choice::sampled, else greedily; and by a uniformly random action
+    /// with probability `epsilon`.
     bool evaluation_samples = false;
     double epsilon = 0;  // 0 to 1
 
@@ -63,8 +63,8 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
 
 /// How an action is chosen.
 ///   greedy        the mean action of a Gaussian, the likeliest or most valuable of a set
-///   sampled       drawn from the policy; of action values (DQN, DER), which are no distribution, the best
-///                 after the noise of noisy layers is drawn, if there are any
+///   sampled       drawn from the policy; the best of action values (DQN, DER), which are no distribution,
+///                 after a draw of the noise where layers are noisy
 ///   as_evaluated  as the run's own evaluations do it: see PolicyInfo::evaluation_samples and epsilon
 enum class Choice { greedy, sampled, as_evaluated };
 

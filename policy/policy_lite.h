@@ -65,7 +65,7 @@ class Policy {
     Decision act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                  std::mt19937_64& random) const;
     /// For N observations, one after another, N decisions: the same as one by one, and sooner where the
-    /// workspace has room for several.
+    /// workspace has room for several and no noise is drawn.
     void act(std::span<const std::uint8_t> observations, std::span<Decision> decisions,
              Workspace& workspace) const;
     /// The same by `choice`.

@@ -1,6 +1,7 @@
 #include "policy/torch/actor_network.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <ATen/CPUGeneratorImpl.h>
 #include <torch/types.h>
@@ -41,7 +42,9 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
     const torch::NoGradGuard no_grad;
     for (auto layer : head_layers(head_, layers_.features())) {
         std::ranges::replace(layer.name, '.', '/');
-        last_.push_back(dense_layer(owner_, layer, leave_at_zero, unused_generator()));
+        const auto sigma = layer.noisy ? std::optional(0.0) : std::nullopt;
+        last_.push_back(add_dense(owner_, layer.name, layer.in.channels, layer.outputs, leave_at_zero, sigma,
+                                  unused_generator()));
     }
     for (auto& parameter : owner_.named_parameters()) {
         // "actor/fc1.weight" is actor.fc1.weight, and so is "actor/fc1.weight_mu".
@@ -64,11 +67,11 @@ ActorNetwork::ActorNetwork(const NetworkSpec& network,
 
 torch::Tensor ActorNetwork::output(const torch::Tensor& observations, const LayerStack::Watch& watch,
                                    const std::optional<at::Generator>& noise) const {
+    auto scaled = layers_.scaled(observations);
     torch::Tensor input_noise;  // of the head's layers, which share it
     if (noise && head_.noisy)
-        input_noise =
-            torch::randn({observations.size(0), layers_.features()}, *noise).to(observations.device());
-    const auto features = layers_(layers_.scaled(observations), watch, noise);
+        input_noise = torch::randn({scaled.size(0), layers_.features()}, *noise).to(scaled.device());
+    const auto features = layers_(std::move(scaled), watch, noise);
     switch (head_.kind) {
         case Head::Kind::squashed_gaussian:
             return last_[0](features);
@@ -86,16 +89,21 @@ torch::Tensor ActorNetwork::output(const torch::Tensor& observations, const Laye
 
 torch::Tensor ActorNetwork::action_values(const torch::Tensor& features, const torch::Tensor& input_noise,
                                           const std::optional<at::Generator>& noise) const {
-    const auto result = [&](const AnyDense& layer) {
-        if (!input_noise.defined()) return layer(features);
-        const auto size = layer.weight().size(0);
-        const FactorisedNoise draw{input_noise,
-                                   torch::randn({features.size(0), size}, *noise).to(features.device())};
-        return layer(features, &draw);
+    const bool noisy = input_noise.defined();
+    const auto draw = [&](std::int64_t size) {
+        return noisy ? FactorisedNoise{input_noise,
+                                       torch::randn({features.size(0), size}, *noise).to(features.device())}
+                     : FactorisedNoise{};
     };
-    auto values = result(last_[0]).reshape({-1, num_outputs(head_), head_.num_atoms});
+    // The value's is drawn where there is no value, too, as the agent draws it.
+    const auto for_out = draw(num_outputs(head_) * head_.num_atoms), for_value = draw(head_.num_atoms);
+    auto values =
+        last_[0](features, noisy ? &for_out : nullptr).reshape({-1, num_outputs(head_), head_.num_atoms});
     if (combine_.defined()) values = combine_.matmul(values);
-    if (head_.dueling) values = dueling_values(result(last_[1]).unsqueeze(1), values);
+    if (head_.dueling) {
+        const auto value = last_[1](features, noisy ? &for_value : nullptr);
+        values = dueling_values(value.unsqueeze(1), values);
+    }
     return support_.defined() ? (values.softmax(2) * support_).sum(2) : values.squeeze(2);
 }
 

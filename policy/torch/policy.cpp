@@ -139,7 +139,9 @@ torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::
     // Action values are no distribution: what is drawn of them is their noise.
     const bool has_distribution = impl_->head != Head::Kind::values;
     const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
-    return evaluated && impl_->info.epsilon > 0 ? impl_->epsilon_greedy(actions, random) : actions;
+    // A noisy agent draws for an epsilon of 0, too, and the next noise comes after it.
+    const bool draws = impl_->info.epsilon > 0 || impl_->noisy;
+    return evaluated && draws ? impl_->epsilon_greedy(actions, random) : actions;
 }
 
 namespace {

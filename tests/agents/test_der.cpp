@@ -266,6 +266,7 @@ TEST(Der, ARandomWarmupEndsWithTheFirstUpdates) {
     auto config = small_der();
     config.noisy_sigma = 0;  // so that nothing but the warm-up changes actions
     config.random_warmup = true;
+    config.epsilon.epsilon_train = 1;  // of no use to noisy weights
     config.replay.min_replay = 200;
     const auto spec = discrete_world();
     const auto agent = make_der(config, spec);

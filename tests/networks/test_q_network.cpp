@@ -200,27 +200,6 @@ TEST(QHead, FactoredDuelingAddsTheSetsToTheValue) {
     EXPECT_NEAR(head(features(1))[0][17].item<float>(), 7 - 1 - 2, 1e-5);
 }
 
-// So a policy file, policy_lite and ONNX know nothing of factors.
-TEST(QHead, AFactoredHeadIsStoredAsThePlainOneThatGivesTheSame) {
-    const torch::NoGradGuard no_grad;
-    for (const bool dueling : {false, true}) {
-        const EncoderConfig encoder{.encoder = EncoderKind::mlp, .observation = {2, 8}, .layer_norm = true};
-        const QHeadConfig factored{.num_actions = 18,
-                                   .hidden_units = 6,
-                                   .num_atoms = 3,
-                                   .dueling = dueling,
-                                   .factors = {3, 3, 2},
-                                   .layer_norm = true};
-        auto plain = factored;
-        plain.factors.clear();
-        QNetwork from(encoder, factored, generator(1)), to(encoder, plain, generator(2));
-        auto parameters = to->named_parameters();
-        for (const auto& [name, weight] : policy_weights(from->acting, *from)) parameters[name].copy_(weight);
-        const auto observation = torch::randint(0, 256, {5, 2, 8}, generator(3), torch::kUInt8);
-        EXPECT_TRUE(torch::allclose(from(observation), to(observation), 1e-5, 1e-5));
-    }
-}
-
 TEST(QHead, LayerNormStandsBeforeTheRectifier) {
     const torch::NoGradGuard no_grad;
     QHead head(5, QHeadConfig{.num_actions = 2, .hidden_units = 6, .layer_norm = true}, generator());

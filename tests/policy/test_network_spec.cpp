@@ -120,7 +120,7 @@ TEST(NetworkText, RefusesWhatItDoesNotKnow) {
     EXPECT_EQ(refusal("observation 4 8; flatten; dense fc 8 noisy; values 18 1 10 noisy factors 3 3 2"),
               "no error");
     EXPECT_THAT(refusal("observation 4 8; flatten; values 18 1 10 factors"), HasSubstr("ends too early"));
-    for (const auto* factors : {"2", "3 3", "3 3 3", "18 18"}) {
+    for (const auto* factors : {"2", "3 3", "3 3 3", "18 18", "1 18", "18 1"}) {
         EXPECT_THAT(refusal(std::string("observation 4 8; flatten; values 18 1 10 factors ").append(factors)),
                     HasSubstr("has factors whose product is not its number of actions"));
     }

@@ -119,11 +119,16 @@ TEST(LitePolicy, SampledFollowsTheDistribution) {
     EXPECT_NEAR(std::sqrt(square - mean * mean), std::exp(numbers[3]), 0.05);
 }
 
+/// Four bytes, and a noisy head on them.
+PolicyFile noisy_head(bool dueling) {
+    auto network = test::noisy(test::with_observation({1, 4}, test::action_values(flat(), dueling)));
+    network.layers = flat();
+    return sample_policy(network);
+}
+
 TEST(LitePolicy, SampledActionValuesHaveTheNoiseOfTheirLayers) {
     // One layer, y = (mu + sigma f(q) f(p)^T) x + b + s f(q), of which E f^2 = sqrt(2 / pi).
-    auto network = test::noisy(test::with_observation({1, 4}, test::action_values(flat())));
-    network.layers = flat();
-    const auto file = sample_policy(network);
+    const auto file = noisy_head(false);
     const lite::InferencePlan plan(file);
     const std::vector<std::uint8_t> bytes{0, 51, 102, 255};
     const std::vector<double> x{0, 0.2, 0.4, 1};
@@ -153,6 +158,74 @@ TEST(LitePolicy, SampledActionValuesHaveTheNoiseOfTheirLayers) {
         EXPECT_NEAR(sum[a] / kDraws, 0, 5 * std::sqrt(variance / kDraws));
         EXPECT_NEAR(squares[a] / kDraws / variance, 1, 0.06);
     }
+}
+
+/// What the last layers of this policy read, in the order of their weights.
+std::vector<float> features_of(PolicyFile file, const std::vector<std::uint8_t>& pixels) {
+    const auto count = file.weights.at("head.fc1.weight").size() / file.weights.at("head.fc1.bias").size();
+    auto& layers = file.network.layers;
+    layers.erase(std::ranges::find(layers, "head.fc1", &Layer::name), layers.end());
+    file.network.head = {.kind = Head::Kind::values, .num_actions = static_cast<std::int64_t>(count)};
+    auto& identity = file.weights["head.out.weight"];
+    identity.assign(count * count, 0);
+    for (std::size_t i = 0; i < count; ++i) identity[i * count + i] = 1;
+    file.weights["head.out.bias"].assign(count, 0);
+    const lite::InferencePlan plan(file);
+    lite::Floats memory(plan.memory_size);
+    plan.run(pixels, 1, memory);
+    const auto output = plan.output(memory, 0);
+    return {output.begin(), output.end()};
+}
+
+TEST(LitePolicy, NoiseBelongsToAnInput) {
+    // A dense layer reads an image in another order than its weights are stored in. With sigma on inputs that
+    // are 0, and on no others, noise changes nothing.
+    auto file = sample_policy(test::noisy(test::action_values(phi_dqn())));
+    const auto pixels = random_pixels(file.info.observation_size(), 3);
+    const auto features = features_of(file, pixels);
+    const auto zeros = static_cast<std::size_t>(std::ranges::count(features, 0.0f));
+    ASSERT_GT(zeros, features.size() / 10);
+    ASSERT_LT(zeros, features.size() - features.size() / 10);
+    for (auto& [name, numbers] : file.weights)
+        if (name.ends_with("_sigma")) std::ranges::fill(numbers, 0.0f);
+    auto& sigma = file.weights.at("head.fc1.weight_sigma");
+    std::mt19937_64 random(1);
+    for (const bool on_zeros : {true, false}) {
+        for (std::size_t i = 0; i < sigma.size(); ++i)
+            sigma[i] = (features[i % features.size()] == 0) == on_zeros ? 1.0f : 0.0f;
+        const lite::InferencePlan plan(file);
+        lite::Floats memory(plan.memory_size);
+        plan.run(pixels, 1, memory);
+        const auto output = plan.output(memory, 0);
+        const std::vector<float> without(output.begin(), output.end());
+        plan.run(pixels, 1, memory, &random);
+        EXPECT_EQ(std::ranges::equal(plan.output(memory, 0), without), on_zeros);
+    }
+}
+
+TEST(LitePolicy, TheLayersOfADuelingHeadShareTheNoiseOfTheirInput) {
+    // Four inputs of 1 and a sigma of 1: the mean of the action values is s f(q), and an action is s (f(q') -
+    // mean f(q')) above it, with the sum s of four f(p). E f^2 = m = sqrt(2 / pi) and E f^4 = 1.
+    auto file = noisy_head(true);
+    for (auto& [name, numbers] : file.weights)
+        std::ranges::fill(numbers, name.ends_with("weight_sigma") ? 1.0f : 0.0f);
+    const lite::InferencePlan plan(file);
+    lite::Floats memory(plan.memory_size);
+    const std::vector<std::uint8_t> bytes(4, 255);
+    std::mt19937_64 random(1);
+    constexpr int kDraws = 100'000;
+    double product = 0;
+    for (int draw = 0; draw < kDraws; ++draw) {
+        plan.run(bytes, 1, memory, &random);
+        const auto values = plan.output(memory, 0);
+        double mean = 0;
+        for (const float value : values) mean += static_cast<double>(value) / test::kSmallActions;
+        product += std::pow(mean * (static_cast<double>(values[0]) - mean), 2) / kDraws;
+    }
+    const double m = std::sqrt(2 / std::numbers::pi);
+    const double fourth_moment =
+        4 + 3 * 12 * m * m;  // of s; with two sums it would be (4 m)^2, 2.6 times less
+    EXPECT_NEAR(product / (fourth_moment * m * m * (1 - 1.0 / test::kSmallActions)), 1, 0.2);
 }
 
 TEST(LitePolicy, AsEvaluatedIsUniformWithProbabilityEpsilon) {

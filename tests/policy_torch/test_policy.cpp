@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <thread>
 
 #include <torch/nn/module.h>
@@ -170,24 +171,39 @@ TEST(PolicyEqualsNetwork, Ppo) {
     }
 }
 
+/// Action values of outputs [B, A, atoms] with a support from -10 to 10.
+torch::Tensor values_of(const torch::Tensor& outputs) {
+    const auto atoms = outputs.size(2);
+    const auto support = torch::linspace(-10, 10, atoms, torch::kFloat32);
+    return atoms == 1 ? outputs.squeeze(2) : (outputs.softmax(2) * support).sum(2);
+}
+
 TEST(PolicyEqualsNetwork, ActionValues) {
     const torch::NoGradGuard no_grad;
-    for (const bool rainbow : {false, true}) {
+    for (const auto& [dueling, noisy, factored] :
+         {std::array{false, false, false}, {true, true, false}, {false, true, true}, {true, false, true}}) {
         for (const std::int64_t atoms : {1, 51}) {
             for (const auto& encoder : every_encoder()) {
-                const QHeadConfig head{.num_actions = 5,
-                                       .hidden_units = test::kSmallUnits,
-                                       .num_atoms = atoms,
-                                       .dueling = rainbow,
-                                       .noisy = rainbow};
+                QHeadConfig head{.num_actions = factored ? 18 : 5,
+                                 .hidden_units = test::kSmallUnits,
+                                 .num_atoms = atoms,
+                                 .dueling = dueling,
+                                 .noisy = noisy,
+                                 .noisy_evaluation = noisy};
+                if (factored) head.factors = {3, 3, 2};
                 QNetwork module(encoder, head, generator());
                 const auto policy = policy_of(module);
                 const auto frames = observations(module->acting, 8);
-                auto expected = module(frames);
-                const auto support = torch::linspace(-10, 10, atoms, torch::kFloat32);
-                expected = atoms == 1 ? expected.squeeze(2) : (expected.softmax(2) * support).sum(2);
+                const auto expected = values_of(module(frames));
                 EXPECT_TRUE(at::equal(policy.output(frames), expected));
                 EXPECT_TRUE(at::equal(policy.act(frames), expected.argmax(1)));
+                if (!noisy) continue;
+                // The same draws, and as many.
+                auto of_module = generator(), of_policy = generator();
+                const auto noise = module->head->draw_noise(of_module, 8);
+                EXPECT_TRUE(at::equal(policy.act(frames, Choice::sampled, of_policy),
+                                      values_of(module(frames, &noise)).argmax(1)));
+                EXPECT_TRUE(at::equal(torch::rand({1}, of_module), torch::rand({1}, of_policy)));
             }
         }
     }

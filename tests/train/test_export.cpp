@@ -90,6 +90,7 @@ std::vector<Case> cases() {
     der_noisy.noisy_evaluation = true;
     der_noisy.noisy_sigma = 2;
     DerConfig der_noisy_factored = der_noisy;
+    der_noisy_factored.epsilon.epsilon_eval = 0;
     der_noisy_factored.encoder = EncoderKind::mlp;
     der_noisy_factored.layer_norm = true;
     der_noisy_factored.dueling = der_noisy_factored.distributional = false;
@@ -182,9 +183,13 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     const auto lite = lite::Policy::parse(policy_file_of(checkpoint));
     auto workspace = lite.workspace();
     const auto frames = game_observations(GetParam().env, 24);
-    const auto expected = agent->act(frames, ActMode::evaluate);
-    EXPECT_TRUE(at::equal(policy.act(frames, Choice::as_evaluated, evaluation_random), expected));
     const auto greedy = policy.act(frames).contiguous();
+    // Twice: the second time shows whether both drew as much in the first.
+    for (int time = 0; time < 2; ++time) {
+        const auto expected = agent->act(frames, ActMode::evaluate);
+        EXPECT_TRUE(at::equal(policy.act(frames, Choice::as_evaluated, evaluation_random), expected));
+        EXPECT_TRUE(!policy.info().evaluation_samples || !at::equal(expected, greedy));
+    }
     for (std::int64_t i = 0; i < frames.size(0); ++i) {
         const std::span pixels(frames[i].const_data_ptr<std::uint8_t>(), policy.info().observation_size());
         const auto decision = lite.act(pixels, workspace);
