@@ -6,6 +6,7 @@
 #include <benchmark/benchmark.h>
 #include <torch/types.h>
 
+#include "agents/process.h"
 #include "bench/updates.h"
 
 namespace {
@@ -13,7 +14,6 @@ namespace {
 using cale::Precision;
 
 void measure(benchmark::State& state, const bench::NamedUpdate& named, Precision precision) {
-    at::globalContext().setFlushDenormal(true);
     at::set_num_threads(static_cast<int>(state.range(0)));
     const auto update = named.make(precision);
     for (int warm_up = 0; warm_up < 3; ++warm_up) update();
@@ -23,6 +23,7 @@ void measure(benchmark::State& state, const bench::NamedUpdate& named, Precision
 }  // namespace
 
 int main(int argc, char** argv) {
+    cale::prepare_process_for_training();
     for (const auto& named : bench::updates()) {
         for (const auto precision : {Precision::float32, Precision::bf16}) {
             const auto name = named.name + (precision == Precision::bf16 ? "_bf16" : "");

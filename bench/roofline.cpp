@@ -22,6 +22,7 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
+#include "agents/process.h"
 #include "bench/command_line.h"
 #include "bench/updates.h"
 
@@ -255,7 +256,7 @@ int roofline(int argc, char** argv) {
     for (int i = 2; i < argc; ++i) chosen.push_back(named(all, argv[i]));
     if (chosen.empty())
         for (const auto& update : all) chosen.emplace_back(&update, cale::Precision::float32);
-    at::globalContext().setFlushDenormal(true);
+    cale::prepare_process_for_training();
     at::set_num_threads(static_cast<int>(threads));
     for (const auto precision : {cale::Precision::float32, cale::Precision::bf16}) {
         const auto peaks = measured_peaks(precision);

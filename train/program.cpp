@@ -1,7 +1,5 @@
 #include "train/program.h"
 
-#include <malloc.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
@@ -9,7 +7,6 @@
 #include <optional>
 #include <thread>
 
-#include <ATen/Context.h>
 #include <ATen/Parallel.h>
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/format.h>
@@ -17,6 +14,7 @@
 #include <torch/types.h>
 
 #include "agents/memory.h"
+#include "agents/process.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
 #include "storage/files.h"
@@ -314,18 +312,12 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
         return kDone;
     }
 
+    prepare_process_for_training();
     const TrainingWorld world = make_world(program);
     const auto place = find_place(program);
     const torch::Device device = choose_device(line.device, place);
     // What LibTorch allocates without an explicit device, such as pinned memory, belongs to the current one.
     if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
-    // Adam's averages of weights without gradients decay into subnormal numbers, which cost a
-    // CPU a hundred times more: an update would slow down two- to fourfold within an hour. Set
-    // before LibTorch starts its threads, which inherit it. XLA, under the reference, does the same.
-    at::globalContext().setFlushDenormal(true);
-    // Gradients of tens of megabytes come and go with every update: keep their pages.
-    mallopt(M_MMAP_THRESHOLD, 1 << 30);
-    mallopt(M_TRIM_THRESHOLD, 1 << 30);
 
     const ProcessGroup processes = join_processes(place, program, device);
     fs::path run_dir = choose_run_dir(line, program, world);

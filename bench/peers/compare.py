@@ -1,5 +1,6 @@
 """Ours against the peers on this machine, in turn, medians: what bench/compare runs. Tables on stdout, rows in a CSV."""
 import argparse
+import concurrent.futures
 import csv
 import json
 import os
@@ -39,14 +40,16 @@ RUNS = [  # agent, network, configuration, settings that make it what the peers 
     ("ppo", "phi_sac", "atari100k", "", ["dopamine phi_sac"]),
     ("ppo", "nature", "discrete", ATARI100K + "agent.epochs=3", ["sb3 nature", "cleanrl nature"]),
 ]
+SWEPT = [("sac", "phi_sac"), ("dqn", "nature"), ("der", "phi_dqn"), ("ppo", "nature")]  # of RUNS
+SWEEP_CORES = 2
 DECISIONS = ["phi_sac", "phi_dqn", "impala"]
 BATCHES = [1, 8, 64]
 SHAPES = [(1, 1), (8, 1), (8, 2), (32, 2)]  # environments, threads
 
 options = argparse.ArgumentParser(prog="bench/compare", description=__doc__)
 options.add_argument("repetitions", nargs="?", type=int, default=5)
-options.add_argument("--only", choices=["env", "update", "end-to-end", "decision"])
-options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates and end-to-end runs")
+options.add_argument("--only", choices=["env", "update", "end-to-end", "sweep", "decision"])
+options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates, runs and sweeps")
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates")
 options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
 options.add_argument("--csv", default="build/bench.csv")
@@ -58,11 +61,12 @@ log = open("build/bench.log", "w")
 rows = []
 
 
-def run(command, threads):
+def run(command, threads, first_core=0):
     """Output and peak memory in MB of a command that has THREADS cores to itself; None if it fails."""
     environment = os.environ | {"CALE_BENCH_SECONDS": str(options.seconds), "OMP_NUM_THREADS": str(threads)}
+    cores = range(first_core, first_core + threads)
     process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=log, text=True,
-                               env=environment, preexec_fn=lambda: os.sched_setaffinity(0, range(threads)))
+                               env=environment, preexec_fn=lambda: os.sched_setaffinity(0, cores))
     output = process.stdout.read()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
@@ -72,13 +76,13 @@ def run(command, threads):
     return output, usage.ru_maxrss / 1024
 
 
-def peer(name, key, threads, *arguments):
+def peer(name, key, threads, *arguments, first_core=0):
     """KEY of the JSON line that the peer's script prints, and its peak memory."""
     folder, script = {"dopamine": ("jax", "dopamine"), "sb3": ("torch", "sb3"), "cleanrl": ("torch", "cleanrl"),
                       "onnx": ("env", "onnx")}.get(
         name, ("env", "env"))
     output, memory = run([f"{os.environ['CALE_PEERS']}/{folder}/bin/python", f"{HERE}/{script}_peer.py", *arguments],
-                         threads)
+                         threads, first_core)
     return (json.loads(output.splitlines()[-1])[key], memory) if output else None
 
 
@@ -99,12 +103,12 @@ def compare(section, agent, encoder, threads, unit, ours, peers):
         rows.append(dict(section=section, agent=agent, encoder=encoder, threads=threads, peer=name, unit=unit,
                          cale=f"{mine:.4g}", theirs=f"{value:.4g}", ratio=f"{ratio:.2f}", cale_mb=f"{my_memory:.0f}",
                          theirs_mb=f"{memory:.0f}", repetitions=options.repetitions))
-        print(f"{agent:14} {encoder:10} {threads:7}   {name:18} {mine:10.4g} {value:10.4g} {ratio:8.2f}"
-              + (f" {my_memory:9.0f} {memory:9.0f}" if section == "end-to-end" else ""), flush=True)
+        print(f"{agent:14} {encoder:10} {threads:7}   {name:22} {mine:10.4g} {value:10.4g} {ratio:8.2f}"
+              + (f" {my_memory:9.0f} {memory:9.0f}" if section in ("end-to-end", "sweep") else ""), flush=True)
 
 
 def heading(text, first, second, *more):
-    print(f"\n{text} (median of {options.repetitions})\n{first:14} {second:10} threads   {'peer':18} "
+    print(f"\n{text} (median of {options.repetitions})\n{first:14} {second:10} threads   {'peer':22} "
           f"{'cale':>10} {'peer':>10} {'ratio':>8}" + "".join(f" {column:>9}" for column in more), flush=True)
 
 
@@ -153,7 +157,7 @@ def updates():
                         {p: lambda p=p: peer_update(p, agent, threads) for p in available(peers)})
 
 
-def our_run(agent, configuration, settings, threads):
+def our_run(agent, configuration, settings, threads, first_core=0):
     """A short run; its speed between two rows of progress.csv, after the replay's warm-up."""
     every, start = (1024, 2048) if agent == "ppo" else (180, 1620)
     with tempfile.TemporaryDirectory() as folder:
@@ -161,7 +165,7 @@ def our_run(agent, configuration, settings, threads):
             f"{BINARIES}/train_{agent}", "--config", f"{CONFIGS}/{agent}/{configuration}.yaml", f"env.game={GAME}",
             *settings.split(), f"train.total_steps={start + 2 * every}",
             f"log.every={every}", "eval.episodes=0", "--threads", threads, "--run-dir", f"{folder}/run",
-            "--no-progress"], threads)
+            "--no-progress"], threads, first_core)
         if output is None:
             return None
         with open(f"{folder}/run/progress.csv") as file:
@@ -170,11 +174,11 @@ def our_run(agent, configuration, settings, threads):
     return (end - start) / (time[end] - time[start]), memory
 
 
-def peer_run(name, agent, threads):
+def peer_run(name, agent, threads, first_core=0):
     library, seconds = name.split()[0], 4 * options.seconds
-    if library == "cleanrl":
-        return peer(library, "steps_per_second", threads, agent, seconds, threads)
-    return peer(library, "steps_per_second", threads, "run", agent, seconds, *([threads] if library == "sb3" else []))
+    arguments = {"cleanrl": [agent, seconds, threads], "sb3": ["run", agent, seconds, threads]}.get(
+        library, ["run", agent, seconds])
+    return peer(library, "steps_per_second", threads, *arguments, first_core=first_core)
 
 
 def end_to_end():
@@ -185,6 +189,30 @@ def end_to_end():
             compare("end-to-end", agent, encoder, 2, "steps/s",
                     lambda: our_run(agent, configuration, settings, 2),
                     {p: lambda p=p: peer_run(p, agent, 2) for p in available(peers)})
+
+
+def together(measure):
+    """What runs of one thread reach at once, each on a core of its own: the sums of their speeds and memories."""
+    with concurrent.futures.ThreadPoolExecutor(SWEEP_CORES) as pool:
+        results = list(pool.map(measure, range(SWEEP_CORES)))
+    return None if None in results else [sum(column) for column in zip(*results)]
+
+
+def sweeps():
+    heading(f"Sweep: agent steps per second of all runs, {SWEEP_CORES} runs of one thread at once; memory of all in MB",
+            "agent", "network", "cale MB", "peer MB")
+    for agent, encoder, configuration, settings, peers in RUNS:
+        if (agent, encoder) not in SWEPT or options.agent not in (None, agent):
+            continue
+
+        def ours(threads, first_core=0):
+            return our_run(agent, configuration, settings, threads, first_core)
+
+        others = {f"{p} x {SWEEP_CORES}": lambda p=p: together(lambda core: peer_run(p, agent, 1, core))
+                  for p in available(peers)}
+        alone = {f"cale, {t} thread{'s' * (t > 1)}": lambda t=t: ours(t) for t in (1, SWEEP_CORES)}
+        compare("sweep", agent, encoder, SWEEP_CORES, "steps/s", lambda: together(lambda core: ours(1, core)),
+                alone | others)
 
 
 def our_decision(encoder, who, batch):
@@ -211,7 +239,7 @@ if os.getloadavg()[0] > 0.5:
 if "CALE_CLEANRL" not in os.environ:
     print("CleanRL's rows are left out: set CALE_CLEANRL to a checkout of vwxyzjn/cleanrl")
 for section, measure in {"env": environments, "update": updates, "end-to-end": end_to_end,
-                         "decision": decisions}.items():
+                         "sweep": sweeps, "decision": decisions}.items():
     if options.only in (None, section):
         measure()
 with open(options.csv, "w", newline="") as file:
