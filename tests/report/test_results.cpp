@@ -120,7 +120,7 @@ TEST(Results, ThePoliciesPlayedAsTheirTableSays) {
     ASSERT_THAT(tables[0].columns, testing::ElementsAre("policy", "game", "frames", "games", "mean return"));
     std::vector<std::string> named;
     for (const auto& row : tables[0].rows) {
-        const auto file = kPolicies / row[0].substr(1, row[0].size() - 2);  // `freeway_ppo.safetensors`
+        const auto file = kPolicies / row[0].substr(1, row[0].size() - 2);  // `boxing_sac.safetensors`
         named.push_back(file.filename());
         const auto games = read_csv(fs::path(file).replace_extension(".csv"));
         double sum = 0;
