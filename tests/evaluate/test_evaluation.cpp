@@ -396,11 +396,11 @@ TEST(PolicyEvaluationEmulator, SamplesAGameTheSameWayWhateverIsBesideIt) {
     EXPECT_NE(rows(evaluate(decide_by(policy, true, 2), plan)), alone);
 }
 
-/// The joystick at random has 24; policies/README.md has the mean of 100 games.
+/// The joystick at random has 24; policies/README.md has the mean of 100 games, the least of which is 6,400.
 TEST(PolicyEvaluationEmulator, APolicyOfThisRepositoryPlaysKungFuMaster) {
     const auto policy = policy_of(CALE_SOURCE_DIR "/policies/kung_fu_master_rainbow.safetensors");
     const EvaluationPlan plan{.env = env_config_of(policy.info()), .games = 1};
-    EXPECT_GE(evaluate(decide_by(policy, true, 1), plan).games.at(0).episode_return, 3000);
+    EXPECT_GE(evaluate(decide_by(policy, true, 1), plan).games.at(0).episode_return, 6000);
 }
 
 TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
