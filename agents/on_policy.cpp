@@ -368,8 +368,7 @@ void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
     if (spec.overlap)
         throw std::invalid_argument(
             "train.overlap, train.realtime: this agent learns only from the steps of its newest policy, so "
-            "its "
-            "environments cannot step while it learns; set both to false");
+            "its environments cannot step while it learns; set both to false");
     const auto all_envs = EnvShare(spec).all;
     if (settings.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
         throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +

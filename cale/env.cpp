@@ -11,6 +11,7 @@
 
 #include "cale/emulator.h"
 #include "cale/games.h"
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -31,26 +32,13 @@ bool lies_in(const Range& range, const IntegerRange& numbers) {
     return lies_in(range, numbers.low) && lies_in(range, numbers.high) && numbers.low <= numbers.high;
 }
 
-template <class Number>
-void write(std::ostream& text, const std::optional<Number>& number) {
-    text << number.value();
-}
-void write(std::ostream& text, const IntegerRange& numbers) {
-    text << numbers.low << '-' << numbers.high;
-}
-template <class Number>
-void write(std::ostream& text, Number number) {
-    text << number;
-}
-
 void check_ranges(EnvConfig config) {
     fields(config, [](std::string_view name, const auto& value, const auto& range, const auto&...) {
         if constexpr (std::is_same_v<std::remove_cvref_t<decltype(range)>, Range>) {
             if (lies_in(range, value)) return;
             std::ostringstream message;
-            message << name << " is ";
-            write(message, value);
-            message << ": it must lie in [" << range.low << ", " << range.high << "]";
+            message << name << " is " << setting_text(value) << ": it must lie in [" << range.low << ", "
+                    << range.high << "]";
             throw std::invalid_argument(message.str());
         }
     });
@@ -82,8 +70,7 @@ void check_numbered_actions(const EnvConfig& config) {
         std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
         " and a joystick that moves (" + changed_settings(config.motion) +
         ") need env.threshold below 0.7071, where its diagonals are, and env.event_map=symmetric: change "
-        "these, "
-        "or set env.action_space to continuous");
+        "these, or set env.action_space to continuous");
 }
 
 // A stream of random numbers that is not correlated with the sticky actions of the same seed.
@@ -194,8 +181,10 @@ struct Env::Impl {
         emulator.reset();
         frames.start(emulator.screen());
         if (moving_stick) moving_stick->centre(motion_generator);
-        see();
-        delay.start(draw(config.motion.observation_latency, motion_generator), seen);
+        if (sees_late()) {
+            see_present();
+            delay.start(draw(config.motion.observation_latency, motion_generator), seen);
+        }
         lives = emulator.lives();
         episode_over = false;
     }
@@ -272,32 +261,37 @@ struct Env::Impl {
         });
     }
 
-    /// Keeps what there is to see now in `seen`: a screen, or the memory.
-    void see() {
-        const auto now = config.obs == Obs::ram ? emulator.ram() : emulator.screen();
+    /// Whether the agent sees what was there some frames ago.
+    bool sees_late() const { return config.motion.observation_latency.high > 0; }
+    /// What there is to see now: a screen, or the memory.
+    std::span<const std::uint8_t> present() const {
+        return config.obs == Obs::ram ? emulator.ram() : emulator.screen();
+    }
+    /// What the agent sees of it.
+    std::span<const std::uint8_t> visible() const { return sees_late() ? seen : present(); }
+
+    void see_present() {
+        const auto now = present();
         seen.assign(now.begin(), now.end());
     }
 
     // Keeps the last two screens of a step; the only one of a step of one frame.
     void look(std::int64_t frames_left) {
-        const bool late = config.motion.observation_latency.high > 0;
-        if (late) {
-            see();
+        if (sees_late()) {
+            see_present();
             delay.pass(seen);
         }
         if (config.obs == Obs::ram) return;
-        const auto screen = late ? std::span<const std::uint8_t>(seen) : emulator.screen();
         if (frames_left == 0 && config.frame_skip > 1) {
-            frames.set_second(screen);
+            frames.set_second(visible());
         } else if (frames_left <= 1) {
-            frames.set_first(screen);
+            frames.set_first(visible());
         }
     }
 
     void observe(std::span<std::uint8_t> observation) {
         if (config.obs == Obs::pixels) return frames.write(observation);
-        const bool late = config.motion.observation_latency.high > 0;
-        const auto ram = late ? std::span<const std::uint8_t>(seen) : emulator.ram();
+        const auto ram = visible();
         if (observation.size() != ram.size()) {
             throw std::invalid_argument("an observation of the memory has " + std::to_string(ram.size()) +
                                         " bytes, not " + std::to_string(observation.size()));
@@ -306,7 +300,7 @@ struct Env::Impl {
     }
 
     /// Whether a game draws from motion_generator.
-    bool draws_motion() const { return moving_stick || config.motion.observation_latency.high > 0; }
+    bool draws_motion() const { return moving_stick || sees_late(); }
 
     void reset() {
         std::ostringstream generators;
@@ -379,7 +373,7 @@ struct Env::Impl {
     std::mt19937 motion_generator;  // latencies and the noise of commands
     std::optional<MovingStick> moving_stick;
     FrameAction held;                // by a console that does not wait
-    std::vector<std::uint8_t> seen;  // a screen, or the memory, on its way to the agent
+    std::vector<std::uint8_t> seen;  // where the agent sees late
     DelayLine<std::vector<std::uint8_t>> delay;
     GameRecord record;
     int lives = 0;

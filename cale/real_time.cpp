@@ -26,14 +26,13 @@ struct News {
     Bytes observation{}, final_observation{};
 };
 
-/// Adds what a later step brought.
+/// Adds what a later step brought. Events beyond the room for them are not kept.
 void add(StepResult& sum, const StepResult& later) {
-    const auto room = static_cast<int>(sum.frame_events.size()) - sum.frames;
-    std::copy_n(
-        later.frame_events.begin(), std::clamp(later.frames, 0, std::max(room, 0)),
-        sum.frame_events.begin() + std::min<std::ptrdiff_t>(sum.frames, std::ssize(sum.frame_events)));
     auto both = later;
     both.frame_events = sum.frame_events;
+    auto next = static_cast<std::size_t>(sum.frames);
+    for (int frame = 0; frame < later.frames && next < both.frame_events.size(); ++frame)
+        both.frame_events[next++] = later.frame_events[static_cast<std::size_t>(frame)];
     both.reward += sum.reward;
     both.frames += sum.frames;
     sum = both;
@@ -90,9 +89,7 @@ struct RealTimeGame::Impl {
           watch(std::move(watcher)),
           observation(static_cast<std::size_t>(cale::observation_space(env_config).frame_size())) {}
 
-    ~Impl() { stop(); }
-
-    void stop() {
+    ~Impl() {
         {
             const std::lock_guard lock(mutex);
             stopping = true;
@@ -229,10 +226,8 @@ void RealTimeGame::step(const Actions& actions, std::span<std::uint8_t> frames,
     const auto size = impl_->observation.size();
     require(frames.size() == size && final_frames.size() == size && results.size() == 1,
             "it has one observation and one result");
-    if (!std::exchange(impl_->announced, false)) {
-        announce(actions);
-        impl_->announced = false;
-    }
+    if (!impl_->announced) announce(actions);
+    impl_->announced = false;
     const auto news = impl_->take();
     std::ranges::copy(news.observation, frames.begin());
     std::ranges::copy(news.final_observation, final_frames.begin());

@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <sstream>
 #include <stdexcept>
+
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -35,45 +36,32 @@ bool moves(const StickMotion& motion) {
 
 namespace {
 
-void write(std::ostream& text, double value) {
-    text << value;
-}
-void write(std::ostream& text, std::int64_t value) {
-    text << value;
-}
-void write(std::ostream& text, const std::optional<double>& value) {
-    text << value.value();
-}
-void write(std::ostream& text, const IntegerRange& range) {
-    text << range.low;
-    if (range.high != range.low) text << '-' << range.high;
+/// The names of the settings and their values.
+std::vector<std::pair<std::string, std::string>> settings_of(StickMotion motion) {
+    std::vector<std::pair<std::string, std::string>> settings;
+    fields(motion, [&](std::string_view name, const auto& value, const auto&...) {
+        settings.emplace_back(name, setting_text(value));
+    });
+    return settings;
 }
 
 }  // namespace
 
 std::string changed_settings(const StickMotion& motion) {
-    std::ostringstream text;
-    const auto write_changed = [&](std::string_view name, const auto& value, const auto& usual) {
-        if (value == usual) return;
-        text << (text.tellp() > 0 ? ", " : "") << name << ' ';
-        write(text, value);
-    };
-    const StickMotion usual;
-    write_changed("stick_speed", motion.stick_speed, usual.stick_speed);
-    write_changed("stick_damping", motion.stick_damping, usual.stick_damping);
-    write_changed("button_frames", motion.button_frames, usual.button_frames);
-    write_changed("action_latency", motion.action_latency, usual.action_latency);
-    write_changed("observation_latency", motion.observation_latency, usual.observation_latency);
-    write_changed("actuation_noise", motion.actuation_noise, usual.actuation_noise);
-    return text.str();
+    const auto usual = settings_of({}), settings = settings_of(motion);
+    std::string text;
+    for (std::size_t i = 0; i < settings.size(); ++i) {
+        const auto& [name, value] = settings[i];
+        if (value != usual[i].second) text += (text.empty() ? "" : ", ") + name + ' ' + value;
+    }
+    return text;
 }
 
 void check(const StickMotion& motion) {
     if (!motion.stick_damping || motion.stick_speed) return;
     throw std::invalid_argument(
         "env.stick_damping is set, but env.stick_speed is none: a stick that is at once where it is told to "
-        "be "
-        "has no mass; set env.stick_speed too, such as 0.2");
+        "be has no mass; set env.stick_speed too, such as 0.2");
 }
 
 StickPosition position_of(const ContinuousAction& action) {

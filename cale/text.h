@@ -3,6 +3,7 @@
 
 #include <charconv>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,6 +29,15 @@ std::optional<Number> number_in(std::string_view text) {
 
 /// Returns the integers of "4" or "0-8"; none if the text is neither, or the first is the larger.
 std::optional<IntegerRange> integer_range_in(std::string_view text);
+
+/// Returns the value of a setting as text: numbers with six digits, 0-8, none.
+std::string setting_text(double value);
+std::string setting_text(std::int64_t value);
+std::string setting_text(const IntegerRange& range);
+template <class Number>
+std::string setting_text(const std::optional<Number>& value) {
+    return value ? setting_text(*value) : "none";
+}
 
 /// Returns the text as one line without terminal control sequences: control characters (C0, DEL, C1) and
 /// bytes that are not UTF-8 are written as \x1b. For any text quoted from a file.

@@ -86,6 +86,25 @@ class Show {
     std::optional<VideoWriter> film_;
 };
 
+/// What `decide` chooses, contiguous. `scene` gets its value and, where it is the joystick, the action.
+torch::Tensor choose(const PlayPlan& plan, const FrameStack& stack, std::int64_t number, Scene& scene) {
+    const Chosen chosen = plan.decide(stack_tensor(stack, 1, observation_space(plan.env)), {&number, 1});
+    auto actions = chosen.actions.contiguous();
+    if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
+    if (plan.env.action_space == ActionSet::continuous)
+        scene.action = chosen_stick(plan.env.joystick, actions, 0);
+    return actions;
+}
+
+/// Counts what a step brought.
+void count(EvaluatedGame& game, Scene& scene, const StepResult& result) {
+    game.episode_return += result.reward;
+    game.length += 1;
+    game.frames += result.frames;
+    scene.event = static_cast<Event>(result.event);
+    scene.episode_return = game.episode_return;
+}
+
 /// One game. Returns the command that ended it before its end.
 Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& show) {
     const auto space = observation_space(plan.env);
@@ -97,26 +116,16 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
     Scene scene{.observation = frame, .threshold = plan.env.threshold};
     for (StepResult result; !result.episode_over;) {
         if (plan.decide) {
-            const Chosen chosen = plan.decide(stack_tensor(stack, 1, space), {&number, 1});
-            const auto actions = chosen.actions.contiguous();
-            if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
-            if (env.actions().empty()) {
-                scene.action = chosen_stick(plan.env.joystick, actions, 0);
-            } else {
-                result = env.step(actions.const_data_ptr<std::int64_t>()[0], frame);
-            }
+            const auto actions = choose(plan, stack, number, scene);
+            if (!scene.action) result = env.step(actions.const_data_ptr<std::int64_t>()[0], frame);
         } else {
             scene.action = joystick(show.hands());
         }
         if (scene.action) result = env.step(*scene.action, frame);
         if (result.terminal || result.truncated) stack.clear(0);
         stack.push(0, frame);
-        game.episode_return += result.reward;
-        game.length += 1;
-        game.frames += result.frames;
-        scene.event = static_cast<Event>(result.event);
+        count(game, scene, result);
         scene.stick = env.stick();
-        scene.episode_return = game.episode_return;
         const Command command = show.present(env, scene);
         if (plan.stepped) plan.stepped(game);
         if (command != Command::none) return command;
@@ -167,11 +176,7 @@ StepResult step_in_real_time(const PlayPlan& plan, RealTimeGame& game, const Fra
         game.step(std::span<const float>(stick), frame, last_frame, results);
         return results[0];
     }
-    const auto chosen = plan.decide(stack_tensor(stack, 1, observation_space(plan.env)), {&number, 1});
-    const auto actions = chosen.actions.contiguous();
-    if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
-    if (plan.env.action_space == ActionSet::continuous)
-        scene.action = chosen_stick(plan.env.joystick, actions, 0);
+    const auto actions = choose(plan, stack, number, scene);
     game.step(view_of_actions(actions), frame, last_frame, results);
     return results[0];
 }
@@ -197,11 +202,7 @@ RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {
         if (result.terminal || result.truncated || result.episode_over) stack.clear(0);
         stack.push(0, frame);
         counts.frames += result.frames;
-        so_far.episode_return += result.reward;
-        so_far.length += 1;
-        so_far.frames += result.frames;
-        scene.event = static_cast<Event>(result.event);
-        scene.episode_return = so_far.episode_return;
+        count(so_far, scene, result);
         // So that a film is as long as the games.
         const auto pictures = counts.frames / env.frame_skip - filmed;
         filmed += pictures;

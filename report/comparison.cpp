@@ -258,8 +258,8 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
         for (const auto& run : group.runs) {
             if (!run.env) continue;
             if (run.env->action_space != ActionSet::continuous) {
-                if (run.game->random_score && !is_variant(*run.env) && !moves(run.env->motion))
-                    add(std::string(kPublishedRandom), *run.game, *run.game->random_score);
+                if (const auto score = random_floor(*run.env))
+                    add(std::string(kPublishedRandom), *run.game, *score);
             } else if (const auto play = joystick_random(*run.env)) {
                 add(fmt::format("random joystick ({})", play->protocol), *run.game, play->mean);
             }

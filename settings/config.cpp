@@ -169,17 +169,18 @@ struct Reader {
     }
     void operator()(double* member) const { *member = checked(parse_number(text), "a number"); }
     void operator()(std::optional<double>* member) const {
-        if (is_none(text)) {
-            member->reset();
-        } else {
-            *member = checked(parse_number(text), "a number or none");
-        }
+        read_optional(member, parse_number, "a number or none");
     }
     void operator()(std::optional<std::int64_t>* member) const {
+        read_optional(member, parse_integer, "an integer or none");
+    }
+    template <class Number>
+    void read_optional(std::optional<Number>* member, std::optional<Number> (*parse)(std::string_view),
+                       std::string_view what) const {
         if (is_none(text)) {
             member->reset();
         } else {
-            *member = checked(parse_integer(text), "an integer or none");
+            *member = checked(parse(text), what);
         }
     }
     void operator()(IntegerRange* member) const {
@@ -213,16 +214,11 @@ struct Reader {
 struct Writer {
     std::string operator()(const std::int64_t* member) const { return fmt::to_string(*member); }
     std::string operator()(const double* member) const { return fmt::to_string(*member); }
-    std::string operator()(const std::optional<double>* member) const {
+    template <class Number>
+    std::string operator()(const std::optional<Number>* member) const {
         return *member ? fmt::to_string(**member) : "none";
     }
-    std::string operator()(const std::optional<std::int64_t>* member) const {
-        return *member ? fmt::to_string(**member) : "none";
-    }
-    std::string operator()(const IntegerRange* member) const {
-        return member->low == member->high ? fmt::to_string(member->low)
-                                           : fmt::format("{}-{}", member->low, member->high);
-    }
+    std::string operator()(const IntegerRange* member) const { return setting_text(*member); }
     std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
     std::string operator()(const std::string* member) const { return *member; }
     std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }

@@ -32,11 +32,14 @@ std::int64_t share_of(std::int64_t num_envs, const ProcessGroup& processes) {
                     num_envs, processes.size()));
 }
 
-constexpr std::int64_t kPacked = 6 + std::tuple_size_v<decltype(StepResult::frame_events)>;
-/// Results [steps x N] as numbers: reward, episode over, truncated, frames, event, whether the stick moves,
-/// and the events of the frames.
+constexpr std::int64_t kPacked = 5, kFrameEvents = std::tuple_size_v<decltype(StepResult::frame_events)>;
+/// Results [steps x N] as numbers: reward, episode over, truncated, frames, event; and, where the stick
+/// moves, the events of the frames.
 torch::Tensor packed(std::span<const StepResult> results) {
-    auto rows = torch::empty({static_cast<std::int64_t>(results.size()), kPacked}, torch::kFloat32);
+    const bool stick_moves = !results.empty() && results.front().stick_moves;
+    auto rows =
+        torch::empty({static_cast<std::int64_t>(results.size()), kPacked + (stick_moves ? kFrameEvents : 0)},
+                     torch::kFloat32);
     auto* row = rows.data_ptr<float>();
     for (const auto& result : results) {
         *row++ = result.reward;
@@ -44,21 +47,25 @@ torch::Tensor packed(std::span<const StepResult> results) {
         *row++ = result.truncated ? 1 : 0;
         *row++ = static_cast<float>(result.frames);
         *row++ = static_cast<float>(result.event);
-        *row++ = result.stick_moves ? 1 : 0;
-        row = std::ranges::copy(result.frame_events, row).out;
+        if (stick_moves) row = std::ranges::copy(result.frame_events, row).out;
     }
     return rows;
 }
 
-StepResult unpacked(const float* row) {
+/// Row `i` of what packed() returned.
+StepResult unpacked(const torch::Tensor& rows, std::int64_t i) {
+    const auto* const row = rows.const_data_ptr<float>() + i * rows.size(1);
     StepResult result{.reward = row[0],
                       .truncated = row[2] != 0,
                       .episode_over = row[1] != 0,
                       .frames = static_cast<int>(row[3]),
                       .event = static_cast<std::uint8_t>(row[4]),
-                      .stick_moves = row[5] != 0};
-    std::ranges::transform(std::span(row + 6, result.frame_events.size()), result.frame_events.begin(),
-                           [](float event) { return static_cast<std::uint8_t>(event); });
+                      .stick_moves = rows.size(1) > kPacked};
+    if (result.stick_moves) {
+        std::ranges::transform(std::span(row + kPacked, result.frame_events.size()),
+                               result.frame_events.begin(),
+                               [](float event) { return static_cast<std::uint8_t>(event); });
+    }
     return result;
 }
 
@@ -156,7 +163,7 @@ void Collector::synchronise(RunState& state, std::vector<Episode>& ended) {
         for (const auto& share : gathered) {
             const auto rows = share.at("results");
             for (std::int64_t i = 0; i < world_->size(); ++i)
-                *result++ = unpacked(rows.const_data_ptr<float>() + (step * world_->size() + i) * kPacked);
+                *result++ = unpacked(rows, step * world_->size() + i);
         }
         count_step(results, state.step - (steps - 1 - step) * all_, state, ended);
     }

@@ -300,7 +300,7 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
 }
 
 /// Makes the world one of real time, where train.realtime is set.
-void check_real_time(const TrainingProgram& program, TrainingWorld& world) {
+void apply_real_time(const TrainingProgram& program, TrainingWorld& world) {
     if (!program.settings.train.realtime) return;
     if (!world.make_real_time) throw ConfigError("train.realtime: this world has no clock: set it to false");
     if (program.num_envs != 1) {
@@ -313,7 +313,7 @@ void check_real_time(const TrainingProgram& program, TrainingWorld& world) {
 TrainingWorld make_world(const TrainingProgram& program) {
     try {
         auto world = program.world();
-        check_real_time(program, world);
+        apply_real_time(program, world);
         return world;
     } catch (const std::exception& error) {
         throw ConfigError(error.what());
