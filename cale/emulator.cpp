@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <sstream>
@@ -60,6 +62,12 @@ std::vector<Event> events(const ale::ActionVect& actions) {
     return result;
 }
 
+/// The resistances at the ends of a paddle's way: a game may have ends of its own.
+std::pair<int, int> paddle_ends(ale::ALEInterface& ale) {
+    const int right = ale.getInt("paddle_min"), left = ale.getInt("paddle_max");
+    return {left == -1 ? PADDLE_MAX : left, right == -1 ? PADDLE_MIN : right};
+}
+
 /// As ALE finds out.
 bool plays_with_paddles(const ale::ALEInterface& ale) {
     const auto& properties = ale.theOSystem->console().properties();
@@ -113,7 +121,8 @@ struct Emulator::Impl {
         : ale(load(game, rom_file, sticky, seed)),
           minimal_actions(events(ale->getMinimalActionSet())),
           legal_actions(events(ale->getLegalActionSet())),
-          has_paddles(plays_with_paddles(*ale)) {
+          has_paddles(plays_with_paddles(*ale)),
+          ends(paddle_ends(*ale)) {
         const auto& palette = ale->theOSystem->colourPalette();
         for (int index = 0; index < 256; ++index) {
             const std::uint32_t colour = palette.getRGB(index);
@@ -136,6 +145,7 @@ struct Emulator::Impl {
     std::vector<Event> minimal_actions;
     std::vector<Event> legal_actions;
     bool has_paddles;
+    std::pair<int, int> ends;  // the paddle's resistances on the left and on the right
     int resistance = 0;  // of the paddle, before the last frame
     std::array<std::uint8_t, 256> gray{};
     std::array<std::array<std::uint8_t, 3>, 256> rgb{};
@@ -165,6 +175,24 @@ void Emulator::reset() {
 int Emulator::act(Event event, float strength) {
     impl_->resistance = impl_->switches().get(Switches::PaddleZeroResistance);
     return impl_->ale->act(static_cast<ale::Action>(event), strength);
+}
+
+bool Emulator::has_paddle() const {
+    return impl_->has_paddles;
+}
+
+int Emulator::act_paddle(double position, bool fire) {
+    const auto [left, right] = impl_->ends;
+    const int wanted = left + static_cast<int>(std::lround(position * (right - left)));
+    const int change = wanted - impl_->switches().get(Switches::PaddleZeroResistance);
+    // ALE moves a paddle by its step times the strength, cut to an integer: half more is cut off exactly.
+    const float strength = (static_cast<float>(std::abs(change)) + 0.5F) / PADDLE_DELTA;
+    return act(event_of(int{change < 0} - int{change > 0}, 0, fire), strength);
+}
+
+double Emulator::paddle() const {
+    const auto [left, right] = impl_->ends;
+    return static_cast<double>(impl_->switches().get(Switches::PaddleZeroResistance) - left) / (right - left);
 }
 
 Event Emulator::seen_event() const {

@@ -48,6 +48,15 @@ class Emulator {
     /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
     int act(Event event, float strength);
 
+    /// Whether the game is played with a paddle, as ALE's properties of the ROM say.
+    bool has_paddle() const;
+    /// One frame with the paddle at `position`, 0 to 1, from the left end of the way that ALE gives it to the
+    /// right one, and the button. Must be a game with a paddle, and one that does not stick. Returns the
+    /// reward.
+    int act_paddle(double position, bool fire);
+    /// Returns where the paddle is.
+    double paddle() const;
+
     /// Returns the event that the console saw in the last frame: that of act(), or, where it stuck, of the
     /// frame before. Of a game with paddles it is the paddle's movement, of which there is none at its end.
     Event seen_event() const;

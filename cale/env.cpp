@@ -17,6 +17,7 @@ namespace cale {
 namespace {
 
 constexpr double kDiagonal = 0.70710678;        // of the joystick at its rim
+constexpr double kMiddle = 0.5;                 // of a paddle's way
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
 
 template <class Number>
@@ -51,13 +52,41 @@ std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
     return {actions.begin(), actions.end()};
 }
 
+template <class Enum>
+std::string name_of(Enum value) {
+    return std::string(names_of(value)[static_cast<std::size_t>(value)]);
+}
+
+/// An absolute paddle is placed by coordinates of its own, in games that have one.
+void check_paddle(const EnvConfig& config) {
+    if (config.paddle == Paddle::joystick) {
+        if (config.joystick != Joystick::paddle) return;
+        throw std::invalid_argument(
+            "env.joystick=paddle: these are the coordinates of env.paddle=absolute; set that");
+    }
+    if (!has_paddle(find_game(config.game))) {
+        throw std::invalid_argument("env.paddle=absolute: " + std::string(find_game(config.game).name) +
+                                    " has no paddle; the games with one are backgammon, blackjack, breakout, "
+                                    "casino, kaboom and pong");
+    }
+    const auto require = [](bool fits, const std::string& setting, const char* remedy) {
+        if (!fits) throw std::invalid_argument("env.paddle=absolute does not go with " + setting + remedy);
+    };
+    require(config.action_space == ActionSet::continuous,
+            "env.action_space=" + name_of(config.action_space), ": set that to continuous");
+    require(config.joystick == Joystick::polar || config.joystick == Joystick::paddle,
+            "env.joystick=" + name_of(config.joystick), ": leave that out");
+    require(config.paddle_strength == PaddleStrength::one,
+            "env.paddle_strength=radius", ", which scales the steps of a joystick: leave that out");
+}
+
 /// Other coordinates than (r, theta, fire) are of the continuous joystick alone.
 void check_joystick(const EnvConfig& config) {
+    check_paddle(config);
     if (config.action_space == ActionSet::continuous || config.joystick == Joystick::polar) return;
     throw std::invalid_argument(
-        "env.joystick=" + std::string(names_of(config.joystick)[static_cast<std::size_t>(config.joystick)]) +
-        " needs env.action_space=continuous, and that is " +
-        std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
+        "env.joystick=" + name_of(config.joystick) + " needs env.action_space=continuous, and that is " +
+        name_of(config.action_space) +
         ": set it to continuous, or leave env.joystick at polar");
 }
 
@@ -66,9 +95,7 @@ void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
     if (config.threshold < kDiagonal && config.event_map == EventMap::symmetric) return;
     throw std::invalid_argument(
-        "env.action_space=" +
-        std::string(names_of(config.action_space)[static_cast<std::size_t>(config.action_space)]) +
-        " and a joystick that moves (" + changed_settings(config.motion) +
+        "env.action_space=" + name_of(config.action_space) + " and a joystick that moves (" + changed_settings(config.motion) +
         ") need env.threshold below 0.7071, where its diagonals are, and env.event_map=symmetric: change "
         "these, or set env.action_space to continuous");
 }
@@ -116,9 +143,18 @@ std::span<const std::string_view> names_of(PaddleStrength) {
     return kNames;
 }
 
+std::span<const std::string_view> names_of(Paddle) {
+    static constexpr std::array<std::string_view, 2> kNames{"joystick", "absolute"};
+    return kNames;
+}
+
+Joystick coordinates(const EnvConfig& config) {
+    return config.paddle == Paddle::absolute ? Joystick::paddle : config.joystick;
+}
+
 ActionSpace action_space(const EnvConfig& config) {
-    if (config.action_space == ActionSet::continuous) return joystick_space(config.joystick);
     check_joystick(config);
+    if (config.action_space == ActionSet::continuous) return joystick_space(coordinates(config));
     return Discrete{kEventCount};
 }
 
@@ -159,16 +195,17 @@ struct Env::Impl {
         : config((check_ranges(env_config), check_joystick(env_config), check_numbered_actions(env_config),
                   env_config)),
           emulator(find_game(config.game), find_rom(config.game, config.rom_dir),
-                   static_cast<float>(config.sticky_probability), seed, {config.mode, config.difficulty}),
+                   places_paddle() ? 0.0F : static_cast<float>(config.sticky_probability), seed,
+                   {config.mode, config.difficulty}),
           frames(emulator.screen_height(), emulator.gray_palette()),
           actions(chosen_actions(emulator, config.action_space)),
           noop_generator(stream(seed, kNoopStream)),
           motion_generator(stream(seed, kMotionStream)) {
-        if (moves(config.motion)) moving_stick.emplace(config.motion);
+        if (moves(config.motion)) moving_stick.emplace(config.motion, places_paddle());
         // So that no step allocates.
         const auto longest = static_cast<std::size_t>(config.max_frames_per_episode / config.frame_skip + 1);
         const auto steps = std::min(longest, kReservedSteps);
-        if (moving_stick) {
+        if (records_commands()) {
             record.commands.reserve(steps);
         } else {
             record.events.reserve(steps);
@@ -178,6 +215,7 @@ struct Env::Impl {
 
     void start_game() {
         held = ContinuousAction{};
+        seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
         frames.start(emulator.screen());
         if (moving_stick) moving_stick->centre(motion_generator);
@@ -192,10 +230,13 @@ struct Env::Impl {
     /// What a frame is played with.
     struct Push {
         Event event = Event::noop;
-        float strength = 1;  // of a paddle
+        float strength = 1;              // of a paddle
+        std::optional<double> paddle{};  // where it is placed, instead of the event
+        bool fire = false;               // with it
     };
 
     Push push_of(const ContinuousAction& action) const {
+        if (places_paddle()) return push_of(position_of(action));
         return {joystick_event(action, static_cast<float>(config.threshold), config.event_map),
                 config.paddle_strength == PaddleStrength::radius ? action.radius : 1};
     }
@@ -203,8 +244,34 @@ struct Env::Impl {
     Push push_of(const StickPosition& stick) const {
         const auto x = static_cast<float>(stick.x), y = static_cast<float>(stick.y);
         const auto threshold = static_cast<float>(config.threshold);
+        if (places_paddle()) {
+            return {.paddle = std::clamp(paddle_position(stick.x), 0.0, 1.0),
+                    .fire = static_cast<float>(stick.button) > threshold};
+        }
         return {joystick_event_at(x, y, static_cast<float>(stick.button), threshold, config.event_map),
                 config.paddle_strength == PaddleStrength::radius ? std::min(std::hypot(x, y), 1.0F) : 1};
+    }
+
+    /// Whether the action says where the paddle is.
+    bool places_paddle() const { return config.paddle == Paddle::absolute; }
+    /// Whether a game is recorded as what it was told: the events do not follow from the settings alone.
+    bool records_commands() const { return moving_stick || places_paddle(); }
+
+    /// One frame. Returns the reward.
+    int act(const Push& push) {
+        if (!push.paddle) return emulator.act(push.event, push.strength);
+        // ALE's sticky actions would repeat a paddle's step, where its place is to be repeated.
+        const bool sticks = config.sticky_probability > 0 &&
+                            static_cast<double>(motion_generator()) / 0x1p32 < config.sticky_probability;
+        if (!sticks) seen_paddle = push;
+        return emulator.act_paddle(*seen_paddle.paddle, seen_paddle.fire);
+    }
+
+    /// What a step did, as an event: that of its last push, or the way that the paddle has gone since `before`.
+    Event event_of_step(const Push& last, double before) const {
+        if (!last.paddle) return last.event;
+        const double now = emulator.paddle();
+        return event_of(int{now > before} - int{now < before}, 0, last.fire);
     }
 
     /// One agent step, but for the observation, with what next_push() returns for each frame.
@@ -213,11 +280,12 @@ struct Env::Impl {
         if (episode_over)
             throw std::logic_error("the episode is over, or none was started: call reset() first");
         StepResult result{.frames = 0, .stick_moves = moving_stick.has_value()};
+        const double paddle_before = places_paddle() ? emulator.paddle() : 0;
         bool game_over = false;
         do {
             const Push push = next_push();
-            result.event = static_cast<std::uint8_t>(push.event);
-            result.reward += static_cast<float>(emulator.act(push.event, push.strength));
+            result.reward += static_cast<float>(act(push));
+            result.event = static_cast<std::uint8_t>(event_of_step(push, paddle_before));
             result.frame_events[static_cast<std::size_t>(result.frames)] =
                 static_cast<std::uint8_t>(emulator.seen_event());
             ++result.frames;
@@ -300,7 +368,7 @@ struct Env::Impl {
     }
 
     /// Whether a game draws from motion_generator.
-    bool draws_motion() const { return moving_stick || sees_late(); }
+    bool draws_motion() const { return records_commands() || sees_late(); }
 
     void reset() {
         std::ostringstream generators;
@@ -317,15 +385,15 @@ struct Env::Impl {
             if (moving_stick) {
                 advance(ContinuousAction{});
             } else {
-                advance([] { return Push{}; });
+                advance([this] { return push_of(ContinuousAction{}); });
             }
             if (episode_over) start_game();
         }
     }
 
     StepResult step(const ContinuousAction& action) {
-        if (!moving_stick) return step(push_of(action));
-        const auto result = advance(action);
+        if (!records_commands()) return step(push_of(action));
+        const auto result = moving_stick ? advance(action) : advance([&] { return push_of(action); });
         record.commands.push_back(action);
         return result;
     }
@@ -344,7 +412,7 @@ struct Env::Impl {
         std::istringstream text(recorded.start);
         text >> noop_generator;
         require(text.get() == '\n' && recorded.events.size() == recorded.strengths.size());
-        require(moving_stick ? recorded.events.empty() : recorded.commands.empty());
+        require(records_commands() ? recorded.events.empty() : recorded.commands.empty());
         if (draws_motion()) {
             text >> motion_generator;
             require(text.get() == '\n');
@@ -370,9 +438,10 @@ struct Env::Impl {
     FramePipeline frames;
     std::vector<Event> actions;
     std::mt19937 noop_generator;
-    std::mt19937 motion_generator;  // latencies and the noise of commands
+    std::mt19937 motion_generator;  // latencies, the noise of commands, and where a placed paddle sticks
     std::optional<MovingStick> moving_stick;
     FrameAction held;                // by a console that does not wait
+    Push seen_paddle;                // by the console in the last frame, where the action places the paddle
     std::vector<std::uint8_t> seen;  // where the agent sees late
     DelayLine<std::vector<std::uint8_t>> delay;
     GameRecord record;
@@ -422,6 +491,11 @@ StepResult Env::step(const std::function<std::optional<FrameAction>()>& next_act
 std::optional<StickPosition> Env::stick() const {
     if (!impl_->moving_stick) return std::nullopt;
     return impl_->moving_stick->position();
+}
+
+std::optional<double> Env::paddle() const {
+    if (!impl_->places_paddle()) return std::nullopt;
+    return impl_->emulator.paddle();
 }
 
 const GameRecord& Env::record() const {

@@ -32,10 +32,14 @@ inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
 enum class ActionSet { continuous, minimal, full };
 /// How far a paddle moves: as the paper has it, always all the way; or scaled by r, as ale-py does.
 enum class PaddleStrength { one, radius };
+/// How the paddle of a game that has one (has_paddle()) is moved. joystick: as in ALE, the stick pushes it left
+/// or right, a step in each frame; absolute: it is where the action, (position, fire), says.
+enum class Paddle { joystick, absolute };
 /// What an agent sees: the screen as 84 x 84 grey pixels, or the console's 128 bytes of memory.
 enum class Obs { pixels, ram };
 std::span<const std::string_view> names_of(ActionSet);
 std::span<const std::string_view> names_of(PaddleStrength);
+std::span<const std::string_view> names_of(Paddle);
 std::span<const std::string_view> names_of(Obs);
 
 /// The game and the rules that it is played by. protocol_200m() and protocol_atari100k() fill it in.
@@ -52,6 +56,7 @@ struct EnvConfig {
     double threshold = 0.5;
     EventMap event_map = EventMap::symmetric;
     PaddleStrength paddle_strength = PaddleStrength::one;
+    Paddle paddle = Paddle::joystick;
     StickMotion motion{};
     double sticky_probability = 0.25;
     bool terminal_on_life_loss = false;
@@ -82,12 +87,15 @@ void fields(EnvConfig& config, Visit&& visit) {
         "coordinates of the continuous joystick; polar: (r, theta, fire), the paper's; cartesian: (x, y, "
         "fire); "
         "direction: (cos theta, sin theta, r, fire); factored: x and y three ways each, fire two, for agents "
-        "that choose among actions");
+        "that choose among actions; paddle: (position, fire), those of env.paddle=absolute");
     visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
     visit("event_map", config.event_map,
           "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
     visit("paddle_strength", config.paddle_strength,
           "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
+    visit("paddle", config.paddle,
+          "joystick: the stick pushes the paddle; absolute: the action is the paddle's position and fire, in "
+          "games with a paddle (cale games)");
     fields(config.motion, visit);
     visit("sticky_probability", config.sticky_probability, Range{0, 1},
           "probability that a frame repeats the action before");
@@ -114,6 +122,8 @@ EnvConfig protocol_200m(std::string game);
 /// Atari 100k: no sticky actions, a lost life ends the agent's episode.
 EnvConfig protocol_atari100k(std::string game);
 
+/// Returns the coordinates in which an agent moves the continuous joystick, or the paddle.
+Joystick coordinates(const EnvConfig& config);
 /// Returns the action space as far as the settings alone determine it: a game's minimal set counts as 18
 /// actions.
 ActionSpace action_space(const EnvConfig& config);
@@ -134,7 +144,7 @@ struct GameRecord {
     std::string start;                       // the emulator and the generators before the game's reset
     std::vector<Event> events;               // the joystick event of each agent step
     std::vector<float> strengths;            // the paddle's strength in each agent step
-    std::vector<ContinuousAction> commands;  // instead of these, where the stick moves
+    std::vector<ContinuousAction> commands;  // instead of these, where the stick moves or places a paddle
 };
 
 /// One game. Different environments may be used on different threads at the same time; one of them by one
@@ -143,8 +153,8 @@ struct GameRecord {
 class Env {
   public:
     /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
-    /// Throws std::invalid_argument for an unknown game or an impossible setting, std::runtime_error
-    /// for a ROM file that is missing or not the game's.
+    /// Throws std::invalid_argument for an unknown game or an impossible setting, such as an absolute paddle
+    /// in a game without one, and std::runtime_error for a ROM file that is missing or not the game's.
     Env(const EnvConfig& config, std::uint32_t seed);
     ~Env();
     Env(Env&&) noexcept;
@@ -171,6 +181,9 @@ class Env {
     /// Returns where the stick and the button are after the newest frame; none where they do not move (see
     /// moves()).
     std::optional<StickPosition> stick() const;
+
+    /// Returns where the paddle of env.paddle=absolute is after the newest frame, 0 to 1; none without it.
+    std::optional<double> paddle() const;
 
     /// Returns the record of the current game; empty before the first reset().
     const GameRecord& record() const;

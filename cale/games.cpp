@@ -12,7 +12,8 @@ namespace cale {
 namespace {
 
 // Name, ROM, in Atari 100k, random and human score, minimal actions.
-constexpr std::array<Game, 60> kGames{{
+constexpr std::size_t kSixty = 60;
+constexpr std::array<Game, kSixty + 4> kGames{{
     {"AirRaid", "air_raid", false, std::nullopt, std::nullopt, 6},
     {"Alien", "alien", true, 227.8, 7127.7, 18},
     {"Amidar", "amidar", true, 5.8, 1719.5, 10},
@@ -73,6 +74,11 @@ constexpr std::array<Game, 60> kGames{{
     {"WizardOfWor", "wizard_of_wor", false, 563.5, 4756.5, 10},
     {"YarsRevenge", "yars_revenge", false, 3092.9, 54576.9, 18},
     {"Zaxxon", "zaxxon", false, 32.5, 9173.3, 18},
+    // Others with a paddle.
+    {"Backgammon", "backgammon", false, std::nullopt, std::nullopt, 3},
+    {"Blackjack", "blackjack", false, std::nullopt, std::nullopt, 4},
+    {"Casino", "casino", false, std::nullopt, std::nullopt, 4},
+    {"Kaboom", "kaboom", false, std::nullopt, std::nullopt, 4},
 }};
 
 void remove_suffix(std::string_view& text, std::string_view suffix) {
@@ -99,7 +105,16 @@ std::string canonical(std::string_view name) {
 }  // namespace
 
 std::span<const Game> games() {
+    return all_games().first(kSixty);
+}
+std::span<const Game> all_games() {
     return kGames;
+}
+
+bool has_paddle(const Game& game) {
+    const auto more = all_games().subspan(kSixty);
+    return game.rom == "breakout" || game.rom == "pong" ||
+           std::ranges::find(more, game.rom, &Game::rom) != more.end();
 }
 
 const Game& find_game(std::string_view name) {

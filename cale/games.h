@@ -1,4 +1,5 @@
-// The sixty Atari 2600 games of the literature, and the scores that they are normalised with.
+// The sixty Atari 2600 games of the literature, the scores that they are normalised with, and the games that
+// are played with paddles.
 #pragma once
 
 #include <optional>
@@ -20,8 +21,15 @@ struct Game {
 
 /// All sixty, in alphabetical order.
 std::span<const Game> games();
+/// The sixty, and after them four more that ALE has and that are played with a paddle: they have no published
+/// scores.
+std::span<const Game> all_games();
 
-/// The game that goes by this name: "MsPacman", "ms_pacman", "ALE/MsPacman-v5" and
+/// Returns whether the game is played with a paddle, as ALE's properties of its ROM say: Breakout, Pong and
+/// the four more.
+bool has_paddle(const Game& game);
+
+/// The one of all_games() that goes by this name: "MsPacman", "ms_pacman", "ALE/MsPacman-v5" and
 /// "MsPacmanNoFrameskip-v4" are the same. Throws std::invalid_argument that names the
 /// nearest game there is.
 const Game& find_game(std::string_view name);

@@ -18,6 +18,7 @@ constexpr std::array<StickCoordinate, 3> kPolar{{{"radius", 0, 1}, {"theta", -kP
 constexpr std::array<StickCoordinate, 3> kCartesian{{{"x", -1, 1}, {"y", -1, 1}, {"fire", 0, 1}}};
 constexpr std::array<StickCoordinate, 4> kDirection{
     {{"cos_theta", -1, 1}, {"sin_theta", -1, 1}, {"radius", 0, 1}, {"fire", 0, 1}}};
+constexpr std::array<StickCoordinate, 2> kPaddle{{{"position", 0, 1}, {"fire", 0, 1}}};
 
 ContinuousAction at_position(float x, float y, float fire) {
     if (std::hypot(x, y) > 1) {
@@ -30,14 +31,6 @@ ContinuousAction at_position(float x, float y, float fire) {
         y = std::copysign(wide ? smaller : larger, y);
     }
     return {.radius = std::min(std::hypot(x, y), 1.0F), .theta = std::atan2(y, x), .fire = fire};
-}
-
-/// The joystick at `action` in the coordinates of a parametrisation.
-std::vector<float> coordinates_of(Joystick joystick, const ContinuousAction& action) {
-    const float x = std::cos(action.theta), y = std::sin(action.theta);
-    if (joystick == Joystick::polar) return {action.radius, action.theta, action.fire};
-    if (joystick == Joystick::direction) return {x, y, action.radius, action.fire};
-    return {action.radius * x, action.radius * y, action.fire};
 }
 
 void check(const StickCoordinate& coordinate, float value) {
@@ -53,7 +46,8 @@ void check(const StickCoordinate& coordinate, float value) {
 }  // namespace
 
 std::span<const std::string_view> names_of(Joystick) {
-    static constexpr std::array<std::string_view, 4> kNames{"polar", "cartesian", "direction", "factored"};
+    static constexpr std::array<std::string_view, 5> kNames{"polar", "cartesian", "direction", "factored",
+                                                            "paddle"};
     return kNames;
 }
 
@@ -65,6 +59,8 @@ std::span<const StickCoordinate> stick_coordinates(Joystick joystick) {
             return kCartesian;
         case Joystick::direction:
             return kDirection;
+        case Joystick::paddle:
+            return kPaddle;
         case Joystick::factored:
             break;
     }
@@ -82,6 +78,8 @@ ActionSpace joystick_space(Joystick joystick) {
         box.names.emplace_back(name);
     }
     for (std::int64_t action = 0; action < kEventCount; ++action) {
+        const bool centred = action / 2 % 3 == 1;  // of the vertical axis, which a paddle lacks
+        if (joystick == Joystick::paddle && !centred) continue;
         const auto landmark = coordinates_of(joystick, factored_stick(action));
         box.landmarks.insert(box.landmarks.end(), landmark.begin(), landmark.end());
     }
@@ -97,7 +95,26 @@ ContinuousAction stick(Joystick joystick, std::span<const float> action) {
     if (joystick == Joystick::polar) return {action[0], action[1], action[2]};  // the environment validates
     for (std::size_t i = 0; i < action.size(); ++i) check(coordinates[i], action[i]);
     if (joystick == Joystick::cartesian) return at_position(action[0], action[1], action[2]);
+    if (joystick == Joystick::paddle)
+        return at_position(static_cast<float>(paddle_x(action[0])), 0, action[1]);
     return {.radius = action[2], .theta = std::atan2(action[1], action[0]), .fire = action[3]};
+}
+
+std::vector<float> coordinates_of(Joystick joystick, const ContinuousAction& action) {
+    const float x = std::cos(action.theta), y = std::sin(action.theta);
+    switch (joystick) {
+        case Joystick::polar:
+            return {action.radius, action.theta, action.fire};
+        case Joystick::cartesian:
+            return {action.radius * x, action.radius * y, action.fire};
+        case Joystick::direction:
+            return {x, y, action.radius, action.fire};
+        case Joystick::paddle:
+            return {static_cast<float>(paddle_position(action.radius * x)), action.fire};
+        case Joystick::factored:
+            break;
+    }
+    return {};
 }
 
 ContinuousAction factored_stick(std::int64_t action) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "cale/action.h"
 #include "world/spaces.h"
@@ -20,7 +21,9 @@ namespace cale {
 ///   two only the direction counts.
 /// - factored: categories: x left, centre, right; y down, centre, up; fire off, on. The joystick at its rim,
 ///   or in its centre, reaches the 18 events.
-enum class Joystick { polar, cartesian, direction, factored };
+/// - paddle: (position, fire) in [0, 1] x [0, 1], from the left end of a paddle's way to its right end. As a
+///   joystick it lies on the horizontal axis. The coordinates of env.paddle=absolute.
+enum class Joystick { polar, cartesian, direction, factored, paddle };
 std::span<const std::string_view> names_of(Joystick);
 
 /// One coordinate of a parametrisation and its interval.
@@ -41,8 +44,19 @@ ActionSpace joystick_space(Joystick joystick);
 /// NaN, for values outside their interval, and for another number of coordinates.
 ContinuousAction stick(Joystick joystick, std::span<const float> action);
 
+/// The other way round: the coordinates of a joystick; none in `factored`.
+std::vector<float> coordinates_of(Joystick joystick, const ContinuousAction& action);
+
 /// The numbers of categories of `factored`: x, y, fire.
 inline constexpr std::int64_t kStickFactors[] = {3, 3, 2};
+/// Returns where a paddle is whose joystick is at x, -1 to 1, and the other way round. Exact at both ends.
+inline double paddle_position(double x) {
+    return (x + 1) / 2;
+}
+inline double paddle_x(double position) {
+    return 2 * position - 1;
+}
+
 /// Returns the joystick for action number (3 x + y) 2 + fire of `factored`. Throws std::out_of_range.
 ContinuousAction factored_stick(std::int64_t action);
 /// Returns the events of the 18 actions of `factored`.

@@ -14,6 +14,11 @@ constexpr RandomPlay kScores[] = {
 // Dopamine cuts games off after 100,000 frames, the papers after 108,000: no difference to random play.
 constexpr std::int64_t kShortestCap = 100'000;
 
+/// The sixty games were.
+bool was_measured(const Game& game) {
+    return std::ranges::find(games(), game.name, &Game::name) != games().end();
+}
+
 }  // namespace
 
 std::span<const RandomPlay> joystick_random_scores() {
@@ -32,18 +37,17 @@ const RandomPlay& joystick_random(std::string_view game, std::string_view protoc
 std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
     if (is_variant(config)) return std::nullopt;
     const EnvConfig measured = protocol_200m(config.game);
-    const auto game = find_game(config.game).name;
-    const bool has_paddles = game == "Breakout" || game == "Pong";
+    const Game& game = find_game(config.game);
     const bool same_joystick =
-        config.action_space == measured.action_space && config.joystick == measured.joystick &&
+        config.action_space == measured.action_space && coordinates(config) == measured.joystick &&
         config.threshold == measured.threshold && config.event_map == measured.event_map &&
-        !moves(config.motion) && (config.paddle_strength == measured.paddle_strength || !has_paddles);
+        !moves(config.motion) && (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
     const bool same_length = config.frame_skip == measured.frame_skip &&
                              config.max_frames_per_episode >= kShortestCap &&
                              config.max_frames_per_episode <= measured.max_frames_per_episode;
-    if (!same_joystick || !same_length) return std::nullopt;
-    if (config.sticky_probability == measured.sticky_probability) return joystick_random(game, "200m");
-    if (config.sticky_probability == 0) return joystick_random(game, "atari100k");
+    if (!same_joystick || !same_length || !was_measured(game)) return std::nullopt;
+    if (config.sticky_probability == measured.sticky_probability) return joystick_random(game.name, "200m");
+    if (config.sticky_probability == 0) return joystick_random(game.name, "atari100k");
     return std::nullopt;
 }
 

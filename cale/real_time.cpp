@@ -44,7 +44,7 @@ void require(bool fits, const char* what) {
 
 /// The action of a world with one game.
 FrameAction action_of(const EnvConfig& config, std::span<const Event> events, const Actions& actions) {
-    const bool factored = events.empty() && config.joystick == Joystick::factored;
+    const bool factored = events.empty() && coordinates(config) == Joystick::factored;
     if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
         require(numbers->size() == 1 && (factored || !events.empty()), "its action is a joystick's position");
         const auto number = numbers->front();
@@ -54,7 +54,7 @@ FrameAction action_of(const EnvConfig& config, std::span<const Event> events, co
                                 std::to_string(events.size()) + " discrete actions of this game");
     }
     require(events.empty() && !factored, "its action is a number");
-    const auto action = stick(config.joystick, std::get<std::span<const float>>(actions));
+    const auto action = stick(coordinates(config), std::get<std::span<const float>>(actions));
     validate(action);
     return action;
 }
@@ -189,7 +189,7 @@ RealTimeGame::RealTimeGame(const EnvConfig& config, std::uint32_t seed, FrameClo
 RealTimeGame::~RealTimeGame() = default;
 
 ActionSpace RealTimeGame::action_space() const {
-    if (impl_->env.actions().empty()) return joystick_space(impl_->config.joystick);
+    if (impl_->env.actions().empty()) return joystick_space(coordinates(impl_->config));
     return Discrete{std::ssize(impl_->env.actions())};
 }
 ObservationSpace RealTimeGame::observation_space() const {

@@ -70,7 +70,7 @@ StickPosition position_of(const ContinuousAction& action) {
             .button = action.fire};
 }
 
-MovingStick::MovingStick(const StickMotion& motion) : motion_(motion) {
+MovingStick::MovingStick(const StickMotion& motion, bool one_axis) : motion_(motion), one_axis_(one_axis) {
     if (motion.stick_damping) transition_ = transition(*motion.stick_speed, *motion.stick_damping);
 }
 
@@ -82,9 +82,10 @@ void MovingStick::centre(std::mt19937& random) {
 
 void MovingStick::command(const ContinuousAction& action, std::mt19937& random) {
     told_ = position_of(action);
+    if (one_axis_) told_.y = 0;
     if (motion_.actuation_noise == 0) return;
     told_.x += motion_.actuation_noise * normal(random);
-    told_.y += motion_.actuation_noise * normal(random);
+    if (!one_axis_) told_.y += motion_.actuation_noise * normal(random);
     const double radius = std::hypot(told_.x, told_.y);
     if (radius <= 1) return;
     told_.x /= radius;

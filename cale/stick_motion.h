@@ -90,8 +90,9 @@ StickPosition position_of(const ContinuousAction& action);
 /// rim reaches stick_speed at its fastest. At the rim it stops. The button moves at its own even speed.
 class MovingStick {
   public:
-    /// At rest in the centre. `motion` must have passed check().
-    explicit MovingStick(const StickMotion& motion);
+    /// At rest in the centre. `motion` must have passed check(). `one_axis`: a paddle, which has noise in x
+    /// alone.
+    explicit MovingStick(const StickMotion& motion, bool one_axis = false);
 
     /// Starts a game: at rest in the centre, the button up. Draws the latency of the game from `random`.
     void centre(std::mt19937& random);
@@ -116,6 +117,7 @@ class MovingStick {
     static Transition transition(double speed, double damping);
 
     StickMotion motion_;
+    bool one_axis_;
     Transition transition_;
     DelayLine<StickPosition> wire_;
     StickPosition told_, position_;

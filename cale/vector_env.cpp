@@ -102,7 +102,7 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
 
 struct VectorEnv::Impl {
     Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : joystick(config.joystick),
+        : joystick(coordinates(config)),
           frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
           observation_space(cale::observation_space(config)),
           envs(seeds.size()),
@@ -216,7 +216,7 @@ std::vector<EpisodeRecord> VectorEnv::record() const {
         record["start"] = bytes_of(std::span(game.start));
         record["events"] = bytes_of(std::span(game.events));
         record["strengths"] = bytes_of(std::span(game.strengths));
-        if (env->stick()) record["commands"] = bytes_of(std::span(game.commands));
+        if (env->stick() || env->paddle()) record["commands"] = bytes_of(std::span(game.commands));
     }
     return records;
 }
@@ -227,7 +227,8 @@ void VectorEnv::resume(std::span<const EpisodeRecord> records) {
         read_bytes(records[i], "start", game.start);
         read_bytes(records[i], "events", game.events);
         read_bytes(records[i], "strengths", game.strengths);
-        if (impl_->envs[i]->stick()) read_bytes(records[i], "commands", game.commands);
+        const auto& env = *impl_->envs[i];
+        if (env.stick() || env.paddle()) read_bytes(records[i], "commands", game.commands);
         impl_->envs[i]->resume(game);
     });
 }

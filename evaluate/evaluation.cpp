@@ -69,7 +69,7 @@ class GameInPlay {
         : number_(number),
           epsilon_(plan.epsilon),
           threshold_(plan.env.threshold),
-          joystick_(plan.env.joystick),
+          joystick_(coordinates(plan.env)),
           env_(plan.env, derive_seed(plan.seed, "evaluation", number)),
           noise_(derive_seed(plan.seed, "evaluation noise", number)),
           frame_(static_cast<std::size_t>(observation_space(plan.env).frame_size())) {
@@ -120,6 +120,7 @@ class GameInPlay {
         film_->shoot(env_, {.observation = frame_,
                             .action = joystick,
                             .stick = env_.stick(),
+                            .paddle = joystick_ == Joystick::paddle,
                             .threshold = threshold_,
                             .event = static_cast<Event>(step.event),
                             .episode_return = result_.episode_return,

@@ -71,9 +71,10 @@ std::string evaluation_text(const EvaluationReport& report) {
                                  sampled ? "sampled" : "greedy", plan.epsilon,
                                  plan.env.noop_max == 0 ? "no" : fmt::format("0 to {}", plan.env.noop_max)));
     const auto joystick =
-        plan.env.joystick == Joystick::polar
+        coordinates(plan.env) == Joystick::polar
             ? ""
-            : fmt::format(", {} joystick", names_of(Joystick{})[static_cast<std::size_t>(plan.env.joystick)]);
+            : fmt::format(", {} joystick",
+                          names_of(Joystick{})[static_cast<std::size_t>(coordinates(plan.env))]);
     line("environment",
          fmt::format("sticky {}, threshold {}{}", plan.env.sticky_probability, plan.env.threshold, joystick));
     if (const auto stick = changed_settings(plan.env.motion); !stick.empty()) line("stick", stick);

@@ -35,6 +35,21 @@ std::vector<std::string_view> minimal_actions(const Game& game, const std::strin
     return names;
 }
 
+/// All, or those of Atari 100k.
+std::vector<Game> listed_games(bool atari100k) {
+    std::vector<Game> listed;
+    for (const Game& game : all_games())
+        if (!atari100k || game.in_atari100k) listed.push_back(game);
+    return listed;
+}
+
+/// The mean score of random play on the joystick, as it is measured by default.
+std::optional<double> joystick_score(const Game& game, bool sticky) {
+    const std::string rom(game.rom);
+    const auto play = joystick_random(sticky ? protocol_200m(rom) : protocol_atari100k(rom));
+    return play ? std::optional(play->mean) : std::nullopt;
+}
+
 std::string score(const std::optional<double>& value, std::string_view otherwise) {
     return value ? fmt::format("{}", *value) : std::string(otherwise);
 }
@@ -47,21 +62,24 @@ double rounded(double score) {
 }  // namespace
 
 std::string game_table(const std::string& rom_dir, bool atari100k) {
-    constexpr auto kRow = "{:<16}  {:>7}  {:>9}  {:>9}  {:>9}  {:<4}  {}\n";
-    std::string text = fmt::format(kRow, "game", "actions", "random", "joystick", "human", "100k", "ROM");
+    constexpr auto kRow = "{:<16}  {:>7}  {:>9}  {:>9}  {:>9}  {:<4}  {:<6}  {}\n";
+    std::string text =
+        fmt::format(kRow, "game", "actions", "random", "joystick", "human", "100k", "paddle", "ROM");
     std::size_t shown = 0, missing = 0;
-    for (const Game& game : games()) {
-        if (atari100k && !game.in_atari100k) continue;
+    for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
+        const auto joystick = joystick_score(game, /*sticky=*/true);
         ++shown;
         if (!rom) ++missing;
         text += fmt::format(kRow, game.name, game.minimal_action_count, score(game.random_score, "-"),
-                            rounded(joystick_random(game.name, "200m").mean), score(game.human_score, "-"),
-                            game.in_atari100k ? "yes" : "", rom ? rom->string() : "missing");
+                            joystick ? fmt::format("{}", rounded(*joystick)) : "-",
+                            score(game.human_score, "-"), game.in_atari100k ? "yes" : "",
+                            has_paddle(game) ? "yes" : "", rom ? rom->string() : "missing");
     }
     text +=
         "random: the published score of random joystick events; joystick: random play on the continuous "
-        "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them)\n";
+        "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them); paddle: "
+        "env.paddle=absolute\nplaces it\n";
     text += fmt::format("{} games, {}\n", shown,
                         missing == 0 ? "all with their ROM"
                                      : fmt::format("{} without their ROM: run scripts/setup, or let "
@@ -73,16 +91,16 @@ std::string game_table(const std::string& rom_dir, bool atari100k) {
 std::string game_csv(const std::string& rom_dir, bool atari100k) {
     std::string text =
         "game,rom,atari100k,random_score,human_score,joystick_random_200m,joystick_random_atari100k,"
-        "minimal_action_count,minimal_actions,rom_file\n";
-    for (const Game& game : games()) {
-        if (atari100k && !game.in_atari100k) continue;
+        "minimal_action_count,paddle,minimal_actions,rom_file\n";
+    for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
         const auto actions = rom ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
         text +=
-            fmt::format("{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom, game.in_atari100k ? 1 : 0,
+            fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom, game.in_atari100k ? 1 : 0,
                         score(game.random_score, ""), score(game.human_score, ""),
-                        joystick_random(game.name, "200m").mean, joystick_random(game.name, "atari100k").mean,
-                        game.minimal_action_count, fmt::join(actions, " "), rom ? rom->string() : "");
+                        score(joystick_score(game, true), ""), score(joystick_score(game, false), ""),
+                        game.minimal_action_count, has_paddle(game) ? 1 : 0, fmt::join(actions, " "),
+                        rom ? rom->string() : "");
     }
     return text;
 }
@@ -96,7 +114,10 @@ std::string game_details(const Game& game, const std::string& rom_dir) {
     line("game", fmt::format("ALE/{}-v5", game.name));
     line("Atari 100k", game.in_atari100k ? "yes" : "no");
     line("random score", score(game.random_score, "none published"));
+    const bool measured = joystick_score(game, true).has_value();
+    if (!measured) line("joystick random", "not measured");
     for (const auto& [name, protocol] : {std::pair("joystick random", "200m"), std::pair("", "atari100k")}) {
+        if (!measured) break;
         const auto& play = joystick_random(game.name, protocol);
         line(name, fmt::format("{} ({} to {}, {} games of protocol {})", rounded(play.mean),
                                rounded(play.low), rounded(play.high), play.games, protocol));
@@ -105,6 +126,7 @@ std::string game_details(const Game& game, const std::string& rom_dir) {
     line("minimal actions", rom ? fmt::format("{}: {}", game.minimal_action_count,
                                               fmt::join(minimal_actions(game, rom_dir), ", "))
                                 : fmt::format("{}", game.minimal_action_count));
+    line("paddle", has_paddle(game) ? "yes: env.paddle=absolute places it" : "no");
     if (rom) {
         const Emulator console(game, *rom, /*sticky_probability=*/0, /*seed=*/0);
         line("modes", fmt::format("{}", fmt::join(console.modes(), ", ")));

@@ -45,12 +45,14 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
             fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",
                         policy.action_space, space));
     }
-    if (continuous && env.joystick != policy.joystick) {
+    if (const auto joystick = coordinates(env); continuous && joystick != policy.joystick) {
+        const bool paddle = joystick == Joystick::paddle || policy.joystick == Joystick::paddle;
         throw std::invalid_argument(
             fmt::format("this policy was trained with env.joystick={} and cannot act in one of {}: leave "
-                        "env.joystick out",
-                        names_of(env.joystick)[static_cast<std::size_t>(policy.joystick)],
-                        names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]));
+                        "{} out",
+                        names_of(joystick)[static_cast<std::size_t>(policy.joystick)],
+                        names_of(joystick)[static_cast<std::size_t>(joystick)],
+                        paddle ? "env.paddle" : "env.joystick"));
     }
     if (env.frame_stack != policy.stack) {
         throw std::invalid_argument(fmt::format(

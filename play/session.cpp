@@ -86,13 +86,19 @@ class Show {
     std::optional<VideoWriter> film_;
 };
 
+Scene scene_of(const EnvConfig& env, std::span<const std::uint8_t> observation) {
+    return {.observation = observation,
+            .paddle = env.paddle == Paddle::absolute,
+            .threshold = env.threshold};
+}
+
 /// What `decide` chooses, contiguous. `scene` gets its value and, where it is the joystick, the action.
 torch::Tensor choose(const PlayPlan& plan, const FrameStack& stack, std::int64_t number, Scene& scene) {
     const Chosen chosen = plan.decide(stack_tensor(stack, 1, observation_space(plan.env)), {&number, 1});
     auto actions = chosen.actions.contiguous();
     if (chosen.values.defined()) scene.value = chosen.values[0].item<double>();
     if (plan.env.action_space == ActionSet::continuous)
-        scene.action = chosen_stick(plan.env.joystick, actions, 0);
+        scene.action = chosen_stick(coordinates(plan.env), actions, 0);
     return actions;
 }
 
@@ -113,7 +119,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
     env.reset(frame);
     stack.push(0, frame);
     EvaluatedGame game;
-    Scene scene{.observation = frame, .threshold = plan.env.threshold};
+    Scene scene = scene_of(plan.env, frame);
     for (StepResult result; !result.episode_over;) {
         if (plan.decide) {
             const auto actions = choose(plan, stack, number, scene);
@@ -172,7 +178,8 @@ StepResult step_in_real_time(const PlayPlan& plan, RealTimeGame& game, const Fra
     std::vector<StepResult> results(1);
     if (!plan.decide) {
         scene.action = joystick(hands);
-        const std::array<float, 3> stick{scene.action->radius, scene.action->theta, scene.action->fire};
+        const bool paddle = plan.env.paddle == Paddle::absolute;
+        const auto stick = coordinates_of(paddle ? Joystick::paddle : Joystick::polar, *scene.action);
         game.step(std::span<const float>(stick), frame, last_frame, results);
         return results[0];
     }
@@ -194,7 +201,7 @@ RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {
     stack.push(0, frame);
     RealTimeCounts counts;
     std::int64_t filmed = 0;  // pictures
-    Scene scene{.observation = frame, .threshold = env.threshold};
+    Scene scene = scene_of(env, frame);
     EvaluatedGame so_far;
     for (std::int64_t number = 0; number < plan.games;) {
         const auto result =

@@ -139,7 +139,7 @@ bool any_variant(const GameResult* game) {
 
 /// Fills `games` and `left_out_games`.
 void choose_games(Comparison& comparison) {
-    for (const auto& game : games()) {
+    for (const auto& game : all_games()) {
         std::vector<std::string_view> without;
         for (const auto& result : comparison.results)
             if (find_game_in(result, game.name) == nullptr) without.push_back(result.label);

@@ -76,7 +76,9 @@ void draw_joystick(cv::Mat& image, const Scene& scene, cv::Point2d centre, doubl
     const auto at = [&](double x, double y) { return centre + radius * cv::Point2d(x, -y); };
 
     draw_circle(image, centre, radius, kFaint, 2);
-    if (scene.action || scene.stick) {
+    if (scene.paddle) {
+        draw_line(image, at(-1, 0), at(1, 0), kFaint, 1);
+    } else if (scene.action || scene.stick) {
         const double tau = scene.threshold, reach = std::sqrt(std::max(0.0, 1 - tau * tau));
         for (const double side : {-tau, tau}) {
             draw_line(image, at(side, -reach), at(side, reach), kFaint, 1);

@@ -50,7 +50,7 @@ std::pair<std::string, std::string> interval_cells(const Estimate& estimate, boo
 /// Those that any group has played, in alphabetical order.
 std::vector<const Game*> played_games(const Comparison& comparison) {
     std::vector<const Game*> played;
-    for (const auto& game : games()) {
+    for (const auto& game : all_games()) {
         const auto has_it = [&](const GroupResult& group) { return result_on(group, game) != nullptr; };
         if (std::ranges::any_of(comparison.results, has_it)) played.push_back(&game);
     }
@@ -122,11 +122,12 @@ std::string protocol_text(const EnvConfig& env) {
 std::string action_space_text(const EnvConfig& env) {
     const auto name = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
     if (env.action_space != ActionSet::continuous) return fmt::format("discrete, {}", name);
-    const auto coordinates =
-        env.joystick == Joystick::polar
+    const auto joystick = coordinates(env);
+    const auto chosen_by =
+        joystick == Joystick::polar
             ? ""
-            : fmt::format(" {}", names_of(Joystick{})[static_cast<std::size_t>(env.joystick)]);
-    return fmt::format("joystick{}, threshold {:g}", coordinates, env.threshold);
+            : fmt::format(" {}", names_of(joystick)[static_cast<std::size_t>(joystick)]);
+    return fmt::format("joystick{}, threshold {:g}", chosen_by, env.threshold);
 }
 
 Table settings_by_group(const Comparison& comparison, const std::vector<SettingRow>& settings) {

@@ -30,7 +30,7 @@ void show(const Options& options) {
 void add_games(CLI::App& app) {
     auto& command =
         *app.add_subcommand("games",
-                            "Lists the 60 games: how many actions each tells apart, the scores that "
+                            "Lists the 60 games and four more with a paddle: how many actions each tells apart, the scores that "
                             "returns are normalised with, what random play on the joystick scores, which "
                             "belong to Atari 100k, which ROM is there.");
     const auto options = std::make_shared<Options>();

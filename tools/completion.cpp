@@ -21,7 +21,7 @@ struct Completion {
 
 std::string game_words() {
     std::vector<std::string_view> names;
-    for (const Game& game : games()) names.push_back(game.rom);
+    for (const Game& game : all_games()) names.push_back(game.rom);
     return fmt::format("{}", fmt::join(names, " "));
 }
 
@@ -302,7 +302,7 @@ std::vector<SettingWords> setting_words(const ConfigTable& table) {
             setting.values.assign(member->names.begin(), member->names.end());
         if (std::holds_alternative<bool*>(entry.member)) setting.values = {"true", "false"};
         if (entry.key == "env.game") {
-            for (const Game& game : games()) setting.values.emplace_back(game.rom);
+            for (const Game& game : all_games()) setting.values.emplace_back(game.rom);
         }
         settings.push_back(std::move(setting));
     }

@@ -22,7 +22,7 @@ PolicyInfo policy_info(const EnvConfig& env) {
     } else if (env.joystick == Joystick::factored) {
         info.actions.assign(factored_events().begin(), factored_events().end());
     }
-    if (env.action_space == ActionSet::continuous) info.joystick = env.joystick;
+    if (env.action_space == ActionSet::continuous) info.joystick = coordinates(env);
     info.threshold = env.threshold;
     info.event_map = env.event_map;
     info.radius_is_strength = env.paddle_strength == PaddleStrength::radius;
@@ -48,15 +48,16 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
         return evaluate(decide, plan);
     };
     const auto facts = [env](const ActionSpace& actions) {
-        const auto coordinates =
-            env.joystick == Joystick::polar
+        const auto joystick = coordinates(env);
+        const auto chosen_by =
+            joystick == Joystick::polar
                 ? std::string()
-                : fmt::format(" ({})", names_of(env.joystick)[static_cast<std::size_t>(env.joystick)]);
+                : fmt::format(" ({})", names_of(joystick)[static_cast<std::size_t>(joystick)]);
         std::vector<std::pair<std::string, std::string>> lines{
             {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
                                      env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
             {"actions", env.action_space == ActionSet::continuous
-                            ? fmt::format("continuous{}, threshold {}", coordinates, env.threshold)
+                            ? fmt::format("continuous{}, threshold {}", chosen_by, env.threshold)
                             : fmt::format("{} joystick events", num_actions(actions))}};
         if (is_variant(env)) lines.emplace_back("game", variant_name(env));
         if (const auto stick = changed_settings(env.motion); !stick.empty())

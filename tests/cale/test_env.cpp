@@ -80,7 +80,7 @@ TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     EXPECT_THAT(refusal([](EnvConfig& c) { c.threshold = std::numeric_limits<double>::quiet_NaN(); }),
                 HasSubstr("threshold is nan"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.noop_max = -1; }), HasSubstr("noop_max is -1"));
-    EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("nearest of the 60 is pong"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("nearest of the 64 is pong"));
 }
 
 TEST(EmulatorEnv, DoubleDunkNeedsActionsThatDoNotAlwaysStick) {

@@ -43,7 +43,7 @@ TEST(Games, TheNearestGameIsNamed) {
     const auto refusal = [](const char* name) {
         return message_of<std::invalid_argument>([&] { find_game(name); });
     };
-    EXPECT_THAT(refusal("Pog"), HasSubstr("no game 'Pog': the nearest of the 60 is pong"));
+    EXPECT_THAT(refusal("Pog"), HasSubstr("no game 'Pog': the nearest of the 64 is pong"));
     EXPECT_THAT(refusal("ALE/SpaceInvader-v5"), HasSubstr("space_invaders"));
     EXPECT_THAT(refusal("ms_pacmen"), HasSubstr("ms_pacman"));
     EXPECT_THAT(refusal(""), HasSubstr("no game ''"));

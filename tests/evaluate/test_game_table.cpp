@@ -24,15 +24,16 @@ auto lines(const std::string& text) {
 
 TEST(GameTable, HasARowForEachGame) {
     const auto table = game_table("", false);
-    EXPECT_EQ(lines(table), 64);  // with the head, what the columns are, and the sum
+    EXPECT_EQ(lines(table), 69);  // with the head, what the columns are, and the sum
     const auto measured = [](const char* game) {
         return fmt::format("{:9.1f}", joystick_random(game, "200m").mean);
     };
     EXPECT_THAT(table, HasSubstr("\nBreakout                4        1.7  " + measured("breakout") +
-                                 "       30.5  yes   "));
+                                 "       30.5  yes   yes   "));
     EXPECT_THAT(table, HasSubstr("\nAirRaid                 6          -  " + measured("air_raid") +
                                  "          -        "));
-    EXPECT_EQ(lines(game_table("", true)), 30);
+    EXPECT_THAT(table, HasSubstr("\nKaboom                  4          -          -          -        yes   "));
+    EXPECT_EQ(lines(game_table("", true)), 31);
     EXPECT_THAT(game_table("", true), HasSubstr("\n26 games, all with their ROM\n"));
 }
 
@@ -40,9 +41,9 @@ TEST(GameTable, SaysWhichRomsAreMissing) {
     const test::TemporaryFolder empty;
     const auto table = game_table(empty.path().string(), false);
     EXPECT_THAT(table, HasSubstr("missing"));
-    EXPECT_THAT(table, HasSubstr("60 games, 60 without their ROM: run scripts/setup"));
+    EXPECT_THAT(table, HasSubstr("64 games, 64 without their ROM: run scripts/setup"));
     EXPECT_THAT(game_csv(empty.path().string(), true),
-                ContainsRegex("\nPong,pong,1,-20\\.7,14\\.6,-20\\.[0-9]+,-20\\.[0-9]+,6,,\n"));
+                ContainsRegex("\nPong,pong,1,-20\\.7,14\\.6,-20\\.[0-9]+,-20\\.[0-9]+,6,1,,\n"));
     EXPECT_THAT(game_details(find_game("pong"), empty.path().string()), HasSubstr("pong.bin, missing"));
 }
 
@@ -52,7 +53,7 @@ TEST(GameTableEmulator, AsksTheEmulatorForTheActions) {
     std::filesystem::copy(find_rom("pong", ""), folder.path() / "pong.bin");
     const auto csv = game_csv(folder.path().string(), true);
     EXPECT_EQ(lines(csv), 27);
-    EXPECT_THAT(csv, ContainsRegex("\nPong,pong,1,.*,6,NOOP FIRE RIGHT LEFT RIGHTFIRE LEFTFIRE,/"));
+    EXPECT_THAT(csv, ContainsRegex("\nPong,pong,1,.*,6,1,NOOP FIRE RIGHT LEFT RIGHTFIRE LEFTFIRE,/"));
     EXPECT_THAT(game_details(find_game("Breakout"), ""),
                 HasSubstr("\njoystick random   1.2 (1 to 1.5, 100 games of protocol 200m)\n"
                           "                  1.1 (0.9 to 1.3, 100 games of protocol atari100k)\n"));
