@@ -10,13 +10,13 @@
 #include <utility>
 
 #include "cale/emulator.h"
-#include "cale/games.h"
 #include "cale/text.h"
 
 namespace cale {
 namespace {
 
 constexpr double kDiagonal = 0.70710678;        // of the joystick at its rim
+constexpr std::int64_t kMostNamedGames = 3;     // in the names of folders
 constexpr double kMiddle = 0.5;                 // of a paddle's way
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
 
@@ -64,20 +64,40 @@ void check_paddle(const EnvConfig& config) {
         throw std::invalid_argument(
             "env.joystick=paddle: these are the coordinates of env.paddle=absolute; set that");
     }
-    if (!has_paddle(find_game(config.game))) {
-        throw std::invalid_argument("env.paddle=absolute: " + std::string(find_game(config.game).name) +
+    for (const auto* const game : games_of(config.game)) {
+        if (has_paddle(*game)) continue;
+        throw std::invalid_argument("env.paddle=absolute: " + std::string(game->name) +
                                     " has no paddle; the games with one are backgammon, blackjack, breakout, "
                                     "casino, kaboom and pong");
     }
     const auto require = [](bool fits, const std::string& setting, const char* remedy) {
         if (!fits) throw std::invalid_argument("env.paddle=absolute does not go with " + setting + remedy);
     };
-    require(config.action_space == ActionSet::continuous,
-            "env.action_space=" + name_of(config.action_space), ": set that to continuous");
-    require(config.joystick == Joystick::polar || config.joystick == Joystick::paddle,
-            "env.joystick=" + name_of(config.joystick), ": leave that out");
-    require(config.paddle_strength == PaddleStrength::one,
-            "env.paddle_strength=radius", ", which scales the steps of a joystick: leave that out");
+    require(config.action_space == ActionSet::continuous, "env.action_space=" + name_of(config.action_space),
+            ": set that to continuous");
+    require(
+        config.joystick != Joystick::factored, "env.joystick=factored",
+        ": its action is a position, not one of several; leave that out, and choose an agent of continuous "
+        "actions (sac, ppo)");
+    require(config.paddle_strength == PaddleStrength::one, "env.paddle_strength=radius",
+            ", which scales the steps of a joystick: leave that out");
+}
+
+/// Several games have one action space, and as many environments each.
+void check_games(const EnvConfig& config) {
+    const auto games = std::ssize(games_of(config.game));
+    if (games == 1) return;
+    if (config.num_envs % games != 0) {
+        throw std::invalid_argument(
+            "env.game=" + config.game + ": env.num_envs must be a multiple of the " + std::to_string(games) +
+            " games that the environments play in turn, and it is " + std::to_string(config.num_envs) +
+            "; for a run of each game there is `cale sweep`");
+    }
+    if (config.action_space == ActionSet::minimal) {
+        throw std::invalid_argument("env.game=" + config.game +
+                                    ": the minimal sets of actions of several games differ; set "
+                                    "env.action_space to full or continuous");
+    }
 }
 
 /// Other coordinates than (r, theta, fire) are of the continuous joystick alone.
@@ -86,8 +106,7 @@ void check_joystick(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || config.joystick == Joystick::polar) return;
     throw std::invalid_argument(
         "env.joystick=" + name_of(config.joystick) + " needs env.action_space=continuous, and that is " +
-        name_of(config.action_space) +
-        ": set it to continuous, or leave env.joystick at polar");
+        name_of(config.action_space) + ": set it to continuous, or leave env.joystick at polar");
 }
 
 /// A joystick that moves turns numbered actions into positions, its events' at the rim.
@@ -95,7 +114,8 @@ void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
     if (config.threshold < kDiagonal && config.event_map == EventMap::symmetric) return;
     throw std::invalid_argument(
-        "env.action_space=" + name_of(config.action_space) + " and a joystick that moves (" + changed_settings(config.motion) +
+        "env.action_space=" + name_of(config.action_space) + " and a joystick that moves (" +
+        changed_settings(config.motion) +
         ") need env.threshold below 0.7071, where its diagonals are, and env.event_map=symmetric: change "
         "these, or set env.action_space to continuous");
 }
@@ -153,6 +173,7 @@ Joystick coordinates(const EnvConfig& config) {
 }
 
 ActionSpace action_space(const EnvConfig& config) {
+    check_games(config);
     check_joystick(config);
     if (config.action_space == ActionSet::continuous) return joystick_space(coordinates(config));
     return Discrete{kEventCount};
@@ -167,8 +188,28 @@ bool is_variant(const EnvConfig& config) {
     return config.mode || config.difficulty;
 }
 
+const Game& only_game(const EnvConfig& config) {
+    const auto games = games_of(config.game);
+    if (games.size() == 1) return *games.front();
+    throw std::invalid_argument("env.game=" + config.game +
+                                " names several games, where one is played: name one of them");
+}
+
+EnvConfig config_of(const EnvConfig& config, std::int64_t number) {
+    const auto games = games_of(config.game);
+    auto own = config;
+    own.game = games[static_cast<std::size_t>(number % std::ssize(games))]->rom;
+    return own;
+}
+
 std::string variant_name(const EnvConfig& config) {
-    std::string name(find_game(config.game).name);
+    const auto games = games_of(config.game);
+    std::string name;
+    for (const auto* const game : games) {
+        if (!name.empty()) name += '+';
+        name += game->name;
+    }
+    if (std::ssize(games) > kMostNamedGames) name = std::to_string(games.size()) + "games";
     if (config.mode) name += "-mode" + std::to_string(*config.mode);
     if (config.difficulty) name += "-difficulty" + std::to_string(*config.difficulty);
     return name;
@@ -192,9 +233,9 @@ EnvConfig protocol_atari100k(std::string game) {
 
 struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
-        : config((check_ranges(env_config), check_joystick(env_config), check_numbered_actions(env_config),
-                  env_config)),
-          emulator(find_game(config.game), find_rom(config.game, config.rom_dir),
+        : config((check_ranges(env_config), only_game(env_config), check_joystick(env_config),
+                  check_numbered_actions(env_config), env_config)),
+          emulator(only_game(config), find_rom(config.game, config.rom_dir),
                    places_paddle() ? 0.0F : static_cast<float>(config.sticky_probability), seed,
                    {config.mode, config.difficulty}),
           frames(emulator.screen_height(), emulator.gray_palette()),
@@ -267,7 +308,8 @@ struct Env::Impl {
         return emulator.act_paddle(*seen_paddle.paddle, seen_paddle.fire);
     }
 
-    /// What a step did, as an event: that of its last push, or the way that the paddle has gone since `before`.
+    /// What a step did, as an event: that of its last push, or the way that the paddle has gone since
+    /// `before`.
     Event event_of_step(const Push& last, double before) const {
         if (!last.paddle) return last.event;
         const double now = emulator.paddle();

@@ -18,6 +18,7 @@
 #include "cale/action.h"
 #include "cale/fields.h"
 #include "cale/frames.h"
+#include "cale/games.h"
 #include "cale/joystick.h"
 #include "cale/stick_motion.h"
 #include "world/spaces.h"
@@ -32,8 +33,8 @@ inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
 enum class ActionSet { continuous, minimal, full };
 /// How far a paddle moves: as the paper has it, always all the way; or scaled by r, as ale-py does.
 enum class PaddleStrength { one, radius };
-/// How the paddle of a game that has one (has_paddle()) is moved. joystick: as in ALE, the stick pushes it left
-/// or right, a step in each frame; absolute: it is where the action, (position, fire), says.
+/// How the paddle of a game that has one (has_paddle()) is moved. joystick: as in ALE, the stick pushes it
+/// left or right, a step in each frame; absolute: it is where the action, (position, fire), says.
 enum class Paddle { joystick, absolute };
 /// What an agent sees: the screen as 84 x 84 grey pixels, or the console's 128 bytes of memory.
 enum class Obs { pixels, ram };
@@ -44,8 +45,8 @@ std::span<const std::string_view> names_of(Obs);
 
 /// The game and the rules that it is played by. protocol_200m() and protocol_atari100k() fill it in.
 struct EnvConfig {
-    std::string game = "pong";
-    std::string rom_dir;  // empty: see find_rom
+    std::string game = "pong";  // of several environments also several: "pong,breakout", see games_of()
+    std::string rom_dir;        // empty: see find_rom
     std::optional<std::int64_t> mode{};
     std::optional<std::int64_t> difficulty{};
     std::int64_t num_envs = 1;
@@ -69,7 +70,8 @@ struct EnvConfig {
 
 template <class Visit>
 void fields(EnvConfig& config, Visit&& visit) {
-    visit("game", config.game, "the game: pong, Pong or ALE/Pong-v5");
+    visit("game", config.game,
+          "the game: pong, Pong or ALE/Pong-v5; pong,breakout: the environments play them in turn");
     visit("rom_dir", config.rom_dir,
           "folder of the ROM files; empty: ALE_ROMS_DIR, else what scripts/setup installed");
     visit("mode", config.mode, Range{0, 255}, "the game's mode (cale games GAME); none: its default");
@@ -94,7 +96,8 @@ void fields(EnvConfig& config, Visit&& visit) {
     visit("paddle_strength", config.paddle_strength,
           "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
     visit("paddle", config.paddle,
-          "joystick: the stick pushes the paddle; absolute: the action is the paddle's position and fire, in "
+          "joystick: the stick pushes the paddle; absolute: the action is the paddle's position and fire, "
+          "whatever env.joystick says, in "
           "games with a paddle (cale games)");
     fields(config.motion, visit);
     visit("sticky_probability", config.sticky_probability, Range{0, 1},
@@ -112,9 +115,15 @@ void fields(EnvConfig& config, Visit&& visit) {
           "every game starts with 0 to this many no-op agent steps");
 }
 
+/// Returns the game of settings that name one. Throws std::invalid_argument for several.
+const Game& only_game(const EnvConfig& config);
+/// Returns the configuration of environment `number`, from 0: several games are played in turn.
+EnvConfig config_of(const EnvConfig& config, std::int64_t number);
+
 /// Returns whether a mode or a difficulty is chosen: scores do not compare with those published for the game.
 bool is_variant(const EnvConfig& config);
-/// Returns the game's name in headers and of runs' folders: "Pong", or "Pong-mode1-difficulty0" of a variant.
+/// Returns the game's name in headers and of runs' folders: "Pong", "Pong-mode1-difficulty0" of a variant,
+/// "Pong+Breakout" or "26games" of several.
 std::string variant_name(const EnvConfig& config);
 
 /// The 200M-frame protocol of Machado et al.: sticky actions, whole games.
@@ -125,7 +134,7 @@ EnvConfig protocol_atari100k(std::string game);
 /// Returns the coordinates in which an agent moves the continuous joystick, or the paddle.
 Joystick coordinates(const EnvConfig& config);
 /// Returns the action space as far as the settings alone determine it: a game's minimal set counts as 18
-/// actions.
+/// actions. Throws std::invalid_argument for settings that do not go together.
 ActionSpace action_space(const EnvConfig& config);
 /// Returns the observation space: frame_stack screens {84, 84}, or as many times the bytes of memory {128}.
 ObservationSpace observation_space(const EnvConfig& config);

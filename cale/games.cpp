@@ -126,4 +126,15 @@ const Game& find_game(std::string_view name) {
                                 std::to_string(kGames.size()) + " is " + std::string(nearest.rom));
 }
 
+std::vector<const Game*> games_of(std::string_view names) {
+    std::vector<const Game*> games;
+    for (const auto& name : split(names, ',')) {
+        games.push_back(&find_game(name));
+        if (std::ranges::count(games, games.back()) == 1) continue;
+        throw std::invalid_argument(std::string(games.back()->rom) + " is named twice among '" +
+                                    std::string(names) + "'");
+    }
+    return games;
+}
+
 }  // namespace cale

@@ -35,7 +35,7 @@ const RandomPlay& joystick_random(std::string_view game, std::string_view protoc
 }
 
 std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
-    if (is_variant(config)) return std::nullopt;
+    if (is_variant(config) || games_of(config.game).size() > 1) return std::nullopt;
     const EnvConfig measured = protocol_200m(config.game);
     const Game& game = find_game(config.game);
     const bool same_joystick =
@@ -53,6 +53,7 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
 
 std::optional<double> random_floor(const EnvConfig& config) {
     const bool events = config.action_space != ActionSet::continuous || config.joystick == Joystick::factored;
+    if (games_of(config.game).size() > 1) return std::nullopt;
     if (events && !is_variant(config) && !moves(config.motion)) return find_game(config.game).random_score;
     const auto play = joystick_random(config);
     return play ? std::optional(play->mean) : std::nullopt;

@@ -109,7 +109,9 @@ struct VectorEnv::Impl {
           errors(seeds.size()),
           team(static_cast<int>(threads(config))),
           shares(static_cast<std::size_t>(team.size())) {
-        for_each_env([&](std::size_t i) { envs[i].emplace(config, seeds[i]); });
+        for_each_env([&](std::size_t i) {
+            envs[i].emplace(config_of(config, static_cast<std::int64_t>(i)), seeds[i]);
+        });
     }
 
     // Calls work(i) for every environment. Each has a thread whose caches know it; a thread that is done with
@@ -172,6 +174,7 @@ struct VectorEnv::Impl {
 
 VectorEnv::VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds) {
     if (config.num_envs < 1) throw std::invalid_argument("num_envs must be at least 1");
+    cale::action_space(config);  // throws for games that do not go together
     require_size(seeds.size(), static_cast<std::size_t>(config.num_envs), "seeds of environments");
     impl_ = std::make_unique<Impl>(config, seeds);
 }

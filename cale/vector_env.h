@@ -25,7 +25,8 @@ namespace cale {
 /// Only one thread at a time may call an object.
 class VectorEnv final : public World {
   public:
-    /// One seed per environment: config.num_envs of them. Throws as Env does, and std::invalid_argument for
+    /// One seed per environment: config.num_envs of them. Several games are played in turn: environment i
+    /// plays number i modulo their number. Throws as Env does, and std::invalid_argument for
     /// another number of seeds.
     VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds);
     ~VectorEnv() override;

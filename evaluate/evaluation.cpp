@@ -70,11 +70,12 @@ class GameInPlay {
           epsilon_(plan.epsilon),
           threshold_(plan.env.threshold),
           joystick_(coordinates(plan.env)),
-          env_(plan.env, derive_seed(plan.seed, "evaluation", number)),
+          env_(config_of(plan.env, number), derive_seed(plan.seed, "evaluation", number)),
           noise_(derive_seed(plan.seed, "evaluation noise", number)),
           frame_(static_cast<std::size_t>(observation_space(plan.env).frame_size())) {
         if (number == plan.filmed_game && !plan.video.empty())
-            film_.emplace(plan.video, plan.env, plan.film_minutes);
+            film_.emplace(plan.video, config_of(plan.env, number), plan.film_minutes);
+        if (games_of(plan.env.game).size() > 1) result_.game = only_game(config_of(plan.env, number)).name;
         if (!plan.step_logs.empty()) log_.emplace(step_log_file(plan, number));
     }
 
@@ -349,10 +350,13 @@ void write_evaluation(const std::filesystem::path& csv, const Evaluation& evalua
     const auto beside = [&csv](std::string_view name) {
         return csv.parent_path() / fmt::format("{}_{}.csv", csv.stem().string(), name);
     };
-    std::string games = "episode,return,length,frames\n";
+    const bool several =
+        std::ranges::any_of(evaluation.games, [](const auto& game) { return !game.game.empty(); });
+    std::string games = fmt::format("episode,return,length,frames{}\n", several ? ",game" : "");
     for (std::size_t i = 0; i < evaluation.games.size(); ++i) {
         const auto& game = evaluation.games[i];
-        games += fmt::format("{},{},{},{}\n", i, game.episode_return, game.length, game.frames);
+        games += fmt::format("{},{},{},{}{}\n", i, game.episode_return, game.length, game.frames,
+                             several ? ',' + game.game : "");
     }
     std::string rewards = "quantile,reward\n";
     for (int percent = 0; percent <= 100; ++percent) {

@@ -35,6 +35,7 @@ ContinuousAction chosen_stick(Joystick joystick, const torch::Tensor& actions, s
 using Decide = std::function<Chosen(const torch::Tensor& observations, std::span<const std::int64_t> games)>;
 
 struct EvaluatedGame {
+    std::string game{};         // which one, "Pong", where several are played in turn; else empty
     double episode_return = 0;  // undiscounted, neither clipped nor scaled
     std::int64_t length = 0;    // agent steps
     std::int64_t frames = 0;
@@ -53,7 +54,7 @@ struct Evaluation {
 /// Which games are played, and how. Game i depends on `seed` and i alone, whatever `parallel` is, provided
 /// that the choices of `decide` for a game do.
 struct EvaluationPlan {
-    EnvConfig env{};
+    EnvConfig env{};  // several games are played in turn
     std::int64_t games = 100;
     /// No game begins once the games before it total this many agent steps.
     std::int64_t steps = std::numeric_limits<std::int64_t>::max();
@@ -97,9 +98,9 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int6
 /// Throws std::invalid_argument for no rewards.
 float reward_quantile(const std::map<float, std::int64_t>& rewards, double quantile);
 
-/// Three tables: X.csv with a row per game (episode,return,length,frames), X_events.csv with a row for each
-/// of the 18 joystick events (event,count), and X_rewards.csv with the rewards of the agent steps at
-/// 101 quantiles (quantile,reward).
+/// Three tables: X.csv with a row per game (episode,return,length,frames and, where several are played in
+/// turn, game), X_events.csv with a row for each of the 18 joystick events (event,count), and X_rewards.csv
+/// with the rewards of the agent steps at 101 quantiles (quantile,reward).
 void write_evaluation(const std::filesystem::path& csv, const Evaluation& evaluation);
 
 /// Statistics of a set of returns.

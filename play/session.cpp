@@ -44,7 +44,7 @@ class Show {
     Show(const PlayPlan& plan, const Stage& stage)
         : plan_(plan),
           stage_(stage),
-          name_(find_game(plan.env.game).name),
+          name_(only_game(plan.env).name),
           pictures_per_second_(60.0 / static_cast<double>(plan.env.frame_skip)),
           metronome_(plan.real_time ? 0 : pictures_per_second_ * plan.speed) {}
 
@@ -87,9 +87,7 @@ class Show {
 };
 
 Scene scene_of(const EnvConfig& env, std::span<const std::uint8_t> observation) {
-    return {.observation = observation,
-            .paddle = env.paddle == Paddle::absolute,
-            .threshold = env.threshold};
+    return {.observation = observation, .paddle = env.paddle == Paddle::absolute, .threshold = env.threshold};
 }
 
 /// What `decide` chooses, contiguous. `scene` gets its value and, where it is the joystick, the action.

@@ -93,6 +93,11 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     }
     if (env_id.empty()) throw std::runtime_error("neither metadata.json nor episodes.csv names its game");
     if (run.agent.empty()) run.agent = "agent";
+    if (env_id.find('+') != env_id.npos) {
+        throw std::runtime_error(fmt::format(
+            "it is a run of several games, {}, and games are compared one by one: its episodes.csv has them",
+            env_id));
+    }
     run.game = &find_game(env_id);
 }
 

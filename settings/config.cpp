@@ -434,6 +434,7 @@ class YamlReader {
                     const YAML::Node& value) {
         if (!table_.has(key)) fail(file, key_node, unknown_key(key, table_.entries()));
         const auto& entry = table_.at(key);
+        if (entry.takes_list && value.IsSequence()) return read_list(file, entry, value);
         if (!value.IsScalar() && !value.IsNull()) {
             fail(file, value,
                  fmt::format(
@@ -449,6 +450,19 @@ class YamlReader {
             entry.set(value.IsScalar() ? value.Scalar() : is_text ? "" : "none");
         } catch (const ConfigError& error) {
             fail(file, value, error.what());
+        }
+    }
+
+    void read_list(const std::filesystem::path& file, const ConfigEntry& entry, const YAML::Node& list) {
+        std::string text;
+        for (const auto& item : list) {
+            if (!item.IsScalar()) fail(file, item, fmt::format("{} takes a list of texts", entry.key));
+            text += (text.empty() ? "" : ",") + item.Scalar();
+        }
+        try {
+            entry.set(text);
+        } catch (const ConfigError& error) {
+            fail(file, list, error.what());
         }
     }
 
@@ -540,10 +554,18 @@ void ConfigTable::add(std::string_view section, std::string_view name, std::stri
     entries_.insert(last == entries_.rend() ? entries_.end() : last.base(), std::move(entry));
 }
 
-void ConfigTable::check(std::string_view key, std::function<void(const std::string&)> check) {
+ConfigEntry& ConfigTable::own_entry(std::string_view key) {
     const auto found = std::ranges::find(entries_, key, &ConfigEntry::key);
     if (found == entries_.end()) throw std::logic_error(fmt::format("there is no field '{}'", key));
-    found->check = std::move(check);
+    return *found;
+}
+
+void ConfigTable::check(std::string_view key, std::function<void(const std::string&)> check) {
+    own_entry(key).check = std::move(check);
+}
+
+void ConfigTable::take_list(std::string_view key) {
+    own_entry(key).takes_list = true;
 }
 
 void ConfigTable::validate() const {

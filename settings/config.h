@@ -60,6 +60,7 @@ struct ConfigEntry {
     Range range;               // of numbers
     ConfigMember member;       // where it is stored
     std::function<void(const std::string&)> check{};  // of texts: throws std::invalid_argument, a sentence
+    bool takes_list = false;                          // of texts: a YAML list is one text with commas
 
     /// Reads `text` into the member. Integers may be written 1000000, 1_000_000 or 1e6;
     /// true/false also yes/no and on/off; an absent number is none or null.
@@ -89,6 +90,9 @@ class ConfigTable {
     /// Makes `check` validate a text setting. If it throws std::invalid_argument, its sentence is reported
     /// with the file and line, or the option, of the text.
     void check(std::string_view key, std::function<void(const std::string&)> check);
+
+    /// Lets a text setting take a YAML list of texts too, which is stored with commas between them.
+    void take_list(std::string_view key);
 
     /// Makes validate() call `rule`, which throws std::invalid_argument, naming the keys, for settings that
     /// are valid individually but not together.
@@ -122,6 +126,9 @@ class ConfigTable {
     std::vector<ConfigDifference> differences(const std::filesystem::path& file);
 
   private:
+    /// Throws std::logic_error where there is no such key.
+    ConfigEntry& own_entry(std::string_view key);
+
     struct Adder {
         ConfigTable& table;
         std::string_view section;

@@ -124,10 +124,11 @@ ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
         config.env.action_space = AgentConfig::kDiscrete ? ActionSet::minimal : ActionSet::continuous;
     table.add("env", config.env);
-    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
-        table.check("env.game", [](const std::string& game) { find_game(game); });
-    if constexpr (std::is_same_v<WorldConfig, EnvConfig>)
+    if constexpr (std::is_same_v<WorldConfig, EnvConfig>) {
+        table.check("env.game", [](const std::string& games) { games_of(games); });
+        table.take_list("env.game");
         table.add_rule([&config] { action_space(config.env); });
+    }
     table.add("agent", config.agent);
     table.add("train", config.train);
     table.add("eval", config.eval);

@@ -57,7 +57,7 @@ struct Options {
 EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
     set_environment(env, options.settings);
-    env.game = find_game(env.game).rom;
+    env.game = only_game(env).rom;
     if (const auto kept = keep_life_loss(policy, env); !kept.empty())
         std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
     return env;
@@ -85,7 +85,7 @@ fs::path make_folder(const Options& options, const PolicyInfo& policy, const Env
     const fs::path folder =
         !options.out.empty()
             ? fs::path(options.out)
-            : fs::path("evaluations") / fmt::format("{}__{}__{}__{}", find_game(env.game).name, policy.agent,
+            : fs::path("evaluations") / fmt::format("{}__{}__{}__{}", only_game(env).name, policy.agent,
                                                     options.seed, std::time(nullptr));
     if (fs::exists(folder / "evaluation.csv")) {
         throw ConfigError(fmt::format("--out {}: an evaluation is in there already; choose another folder",
@@ -160,7 +160,7 @@ EvaluationProtocol protocol_of(const Options& options) {
     table.add("env", env);
     for (const auto& setting : options.settings) {
         const auto key = setting.substr(0, setting.find('='));
-        protocol.settings[key] = key == "env.game" ? find_game(env.game).rom : table.at(key).get();
+        protocol.settings[key] = key == "env.game" ? only_game(env).rom : table.at(key).get();
     }
     for (const auto* without_effect : {"env.rom_dir", "env.env_threads", "env.num_envs"})
         protocol.settings.erase(without_effect);

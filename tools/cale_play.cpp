@@ -56,7 +56,7 @@ PlayPlan plan_of(const Options& options) {
     if (!options.game.empty()) plan.env.game = options.game;
     if (options.threshold) plan.env.threshold = *options.threshold;
     set_environment(plan.env, options.settings);
-    plan.env.game = find_game(plan.env.game).rom;
+    plan.env.game = only_game(plan.env).rom;
     if (!policy) {
         if (plan.env.action_space != ActionSet::continuous)
             throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");

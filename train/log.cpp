@@ -68,20 +68,26 @@ AppendFile cut_back(const std::filesystem::path& path, std::int64_t rows) {
 
 }  // namespace
 
+const std::string& game_of(const std::vector<std::string>& games, std::int64_t env) {
+    return games.at(static_cast<std::size_t>(env) % games.size());
+}
+
 EpisodeLog::EpisodeLog(const std::filesystem::path& path, const RunIdentity& run,
                        std::optional<std::int64_t> offset)
-    : file_(path, offset), seed_(run.seed) {
+    : file_(path, offset), seed_(run.seed), games_(run.games) {
     if (offset) return;
     const nlohmann::ordered_json first_line = {
         {"t_start", 0.0}, {"env_id", run.env_id}, {"agent", run.agent}, {"seed", run.seed}};
-    file_.write(fmt::format("#{}\nr,l,t,global_step,frame,seed,env,truncated\n", first_line.dump()));
+    file_.write(fmt::format("#{}\nr,l,t,global_step,frame,seed,env,truncated{}\n", first_line.dump(),
+                            games_.empty() ? "" : ",game"));
 }
 
 void EpisodeLog::write(const Episode& episode) {
     const double game_time = static_cast<double>(episode.frame) / kFramesPerSecond;
-    file_.write(fmt::format("{},{},{:.6f},{},{},{},{},{}\n", episode.episode_return, episode.length,
+    const auto game = games_.empty() ? std::string() : ',' + game_of(games_, episode.env);
+    file_.write(fmt::format("{},{},{:.6f},{},{},{},{},{}{}\n", episode.episode_return, episode.length,
                             game_time, episode.global_step, episode.frame, seed_, episode.env,
-                            episode.truncated ? 1 : 0));
+                            episode.truncated ? 1 : 0, game));
 }
 
 ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows)

@@ -18,7 +18,11 @@ struct RunIdentity {
     std::string env_id{};  // "ALE/Pong-v5"
     std::string agent{};   // "sac"
     std::uint64_t seed = 0;
+    std::vector<std::string> games{};  // that the environments play in turn; empty: one
 };
+
+/// Returns the game that environment `env` plays of several.
+const std::string& game_of(const std::vector<std::string>& games, std::int64_t env);
 
 struct Episode {
     double episode_return = 0;     // sum of rewards, undiscounted, neither clipped nor scaled
@@ -30,7 +34,7 @@ struct Episode {
 };
 
 /// episodes.csv, in the manner of Stable-Baselines3's Monitor files: a comment line of
-/// JSON, then the columns r,l,t,global_step,frame,seed,env,truncated.
+/// JSON, then the columns r,l,t,global_step,frame,seed,env,truncated and, of a run of several games, game.
 ///
 /// The same seed gives the same bytes. So `t` is not the wall clock but the game's: the
 /// seconds that `frame` frames last on a console (60 a second), and `t_start` is 0. The
@@ -51,6 +55,7 @@ class EpisodeLog {
   private:
     AppendFile file_;
     std::uint64_t seed_;
+    std::vector<std::string> games_;
 };
 
 struct Report {

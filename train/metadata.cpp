@@ -10,6 +10,7 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "cale/emulator.h"
@@ -84,14 +85,19 @@ Metadata& Metadata::operator=(Metadata&&) noexcept = default;
 
 Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const Sitting& sitting)
     : Metadata(run_dir) {
+    std::vector<std::string> roms, md5s;
+    for (const auto& rom : identity.roms) {
+        roms.push_back(rom.string());
+        md5s.push_back(rom_md5(rom));
+    }
     auto& json = contents_->json;
     json = described(sitting);
     json.update({{"program", identity.program},
                  {"exp_name", identity.agent},
                  {"env_id", identity.env_id},
                  {"seed", identity.seed},
-                 {"rom", identity.rom.string()},
-                 {"rom_md5", identity.rom.empty() ? "" : rom_md5(identity.rom)},
+                 {"rom", fmt::format("{}", fmt::join(roms, ","))},
+                 {"rom_md5", fmt::format("{}", fmt::join(md5s, ","))},
                  {"finished", false},
                  {"stopped", nullptr}});
 }

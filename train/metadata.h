@@ -21,11 +21,11 @@ namespace cale {
 
 /// What is trained.
 struct RunIdentity {
-    std::string program;          // "train_sac"
-    std::string agent;            // "sac"
-    std::string env_id;           // "ALE/Pong-v5"
-    std::int64_t seed = 1;        // train.seed
-    std::filesystem::path rom{};  // the file; empty: of a world that has none
+    std::string program;                        // "train_sac"
+    std::string agent;                          // "sac"
+    std::string env_id;                         // "ALE/Pong-v5"
+    std::int64_t seed = 1;                      // train.seed
+    std::vector<std::filesystem::path> roms{};  // the games' files; empty: of a world that has none
 };
 
 /// One session of training; the other entries of metadata.json are looked up.

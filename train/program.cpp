@@ -374,7 +374,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                                .agent = program.agent_name,
                                .env_id = world.id,
                                .seed = program.settings.train.seed,
-                               .rom = world.rom};
+                               .roms = world.roms};
     const Sitting sitting{.command = joined(argc, argv),
                           .device = device.str(),
                           .threads = threads,

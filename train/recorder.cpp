@@ -88,7 +88,8 @@ struct Recorder::Files {
           episodes(options.run_dir / "episodes.csv",
                    {.env_id = world.id,
                     .agent = options.agent_name,
-                    .seed = static_cast<std::uint64_t>(settings.train.seed)},
+                    .seed = static_cast<std::uint64_t>(settings.train.seed),
+                    .games = world.games},
                    resumed != nullptr ? std::optional(state.episodes_offset) : std::nullopt),
           progress(options.run_dir / "progress.csv",
                    resumed != nullptr ? std::optional(state.progress_rows) : std::nullopt),
@@ -248,11 +249,12 @@ void Recorder::write_episode(const Episode& episode) {
     if (recent.size() > kRecentEpisodes) recent.erase(recent.begin());
     if (!files_) return;
     files_->episodes.write(episode);
-    if (files_->events) {
-        files_->events->write(episode.global_step,
-                              {{"charts/episodic_return", episode.episode_return},
-                               {"charts/episodic_length", static_cast<double>(episode.length)}});
-    }
+    if (!files_->events) return;
+    std::map<std::string, double> scalars{{"charts/episodic_return", episode.episode_return},
+                                          {"charts/episodic_length", static_cast<double>(episode.length)}};
+    if (!world_.games.empty())
+        scalars["charts/episodic_return/" + game_of(world_.games, episode.env)] = episode.episode_return;
+    files_->events->write(episode.global_step, scalars);
 }
 
 /// The steps since the last row. After the checkpoint, which does not count this row: a run that is

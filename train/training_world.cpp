@@ -3,6 +3,7 @@
 #include <memory>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cale/games.h"
 #include "cale/random_play.h"
@@ -14,10 +15,13 @@ namespace {
 
 PolicyInfo policy_info(const EnvConfig& env) {
     PolicyInfo info;
-    info.game = find_game(env.game).name;
+    for (const auto* const game : games_of(env.game)) {
+        if (!info.game.empty()) info.game += '+';
+        info.game += game->name;
+    }
     info.action_space = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
     if (env.action_space != ActionSet::continuous) {
-        const Env game(env, /*seed=*/0);
+        const Env game(config_of(env, 0), /*seed=*/0);
         info.actions.assign(game.actions().begin(), game.actions().end());
     } else if (env.joystick == Joystick::factored) {
         info.actions.assign(factored_events().begin(), factored_events().end());
@@ -34,7 +38,13 @@ PolicyInfo policy_info(const EnvConfig& env) {
 }  // namespace
 
 TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
-    const Game& game = find_game(env.game);
+    const auto all_games = games_of(env.game);
+    std::vector<std::string> names;
+    std::vector<std::filesystem::path> roms;
+    for (const auto* const game : all_games) {
+        names.emplace_back(game->name);
+        roms.push_back(find_rom(std::string(game->rom), env.rom_dir));
+    }
     const auto make = [env](std::span<const std::uint32_t> seeds) {
         auto share = env;
         share.num_envs = std::ssize(seeds);
@@ -64,13 +74,14 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             lines.emplace_back("stick", stick);
         return lines;
     };
-    return {.id = fmt::format("ALE/{}-v5", game.name),
+    return {.id = fmt::format("ALE/{}-v5", fmt::join(names, "+")),
             .name = variant_name(env),
             .num_envs = env.num_envs,
             .threads = VectorEnv::threads(env),
             .bytes_per_env = VectorEnv::memory_needed(env) / env.num_envs,
             .frames_per_step = env.frame_skip,
-            .rom = find_rom(env.game, env.rom_dir),
+            .roms = std::move(roms),
+            .games = all_games.size() > 1 ? std::move(names) : std::vector<std::string>(),
             .make = make,
             .make_real_time =
                 [env](std::span<const std::uint32_t> seeds) {
@@ -80,7 +91,8 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             .can_film = true,
             .policy_info = [env] { return policy_info(env); },
             .random_score = random_floor(env),
-            .human_score = !is_variant(env) ? game.human_score : std::nullopt,
+            .human_score =
+                all_games.size() == 1 && !is_variant(env) ? all_games.front()->human_score : std::nullopt,
             .facts = facts};
 }
 

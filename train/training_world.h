@@ -25,13 +25,14 @@ namespace cale {
 
 /// The description of a world for programs, logs and evaluations.
 struct TrainingWorld {
-    std::string id;                    // of tables and pages: "ALE/Pong-v5"
-    std::string name;                  // of run folders: "Pong"
-    std::int64_t num_envs = 1;         // of all processes
-    std::int64_t threads = 1;          // that step them
-    std::int64_t bytes_per_env = 0;    // of memory, about
-    std::int64_t frames_per_step = 1;  // at most
-    std::filesystem::path rom{};       // the game's file; empty: there is none
+    std::string id;                             // of tables and pages: "ALE/Pong-v5"
+    std::string name;                           // of run folders: "Pong"
+    std::int64_t num_envs = 1;                  // of all processes
+    std::int64_t threads = 1;                   // that step them
+    std::int64_t bytes_per_env = 0;             // of memory, about
+    std::int64_t frames_per_step = 1;           // at most
+    std::vector<std::filesystem::path> roms{};  // the games' files; empty: there are none
+    std::vector<std::string> games{};           // that the environments play in turn; empty: one
 
     MakeWorld make;
     MakeWorld make_real_time{};  // the same in real time; null: it has none

@@ -53,7 +53,9 @@ ContinuousAction random_action(std::uint64_t t) {
 }
 
 struct Played {
-    explicit Played(const EnvConfig& config, std::uint32_t seed = 1) : env(config, seed) { env.reset(memory); }
+    explicit Played(const EnvConfig& config, std::uint32_t seed = 1) : env(config, seed) {
+        env.reset(memory);
+    }
     cale::StepResult step(const ContinuousAction& action) { return env.step(action, memory); }
 
     std::vector<std::uint8_t> memory = std::vector<std::uint8_t>(cale::kRamSize);
@@ -87,12 +89,14 @@ TEST(PaddleCoordinates, AreThoseOfAnAbsolutePaddleAlone) {
     };
     EXPECT_THAT(refusal("ms_pacman", [](EnvConfig&) {}),
                 HasSubstr("env.paddle=absolute: MsPacman has no paddle; the games with one are backgammon"));
-    EXPECT_THAT(refusal("pong", [](EnvConfig& c) { c.paddle = cale::Paddle::joystick, c.joystick = Joystick::paddle; }),
-                HasSubstr("env.joystick=paddle: these are the coordinates of env.paddle=absolute; set that"));
+    EXPECT_THAT(
+        refusal("pong",
+                [](EnvConfig& c) { c.paddle = cale::Paddle::joystick, c.joystick = Joystick::paddle; }),
+        HasSubstr("env.joystick=paddle: these are the coordinates of env.paddle=absolute; set that"));
     EXPECT_THAT(refusal("pong", [](EnvConfig& c) { c.action_space = cale::ActionSet::minimal; }),
                 HasSubstr("does not go with env.action_space=minimal: set that to continuous"));
-    EXPECT_THAT(refusal("pong", [](EnvConfig& c) { c.joystick = Joystick::cartesian; }),
-                HasSubstr("does not go with env.joystick=cartesian"));
+    EXPECT_THAT(refusal("pong", [](EnvConfig& c) { c.joystick = Joystick::factored; }),
+                HasSubstr("does not go with env.joystick=factored: its action is a position"));
     EXPECT_THAT(refusal("pong", [](EnvConfig& c) { c.paddle_strength = cale::PaddleStrength::radius; }),
                 HasSubstr("does not go with env.paddle_strength=radius"));
     // Random play on the joystick says nothing about it.
@@ -129,8 +133,10 @@ TEST(EmulatorPaddle, IsInOneFrameWhereTheActionSays) {
         for (std::uint64_t t = 0; t < 200; ++t) {
             const auto action = random_action(t);
             const double position = cale::coordinates_of(Joystick::paddle, action).front();
-            if (played.step(action).episode_over) played.env.reset(played.memory);
-            else EXPECT_NEAR(*played.env.paddle(), position, 0.5001 / kWay) << t;
+            if (played.step(action).episode_over)
+                played.env.reset(played.memory);
+            else
+                EXPECT_NEAR(*played.env.paddle(), position, 0.5001 / kWay) << t;
         }
     }
 }

@@ -326,6 +326,56 @@ TEST(EmulatorVectorEnv, GamesWithAStickThatMovesAreResumed) {
                 HasSubstr("a recorded game lacks its 'commands'"));
 }
 
+TEST(EmulatorVectorEnv, PlaysSeveralGamesInTurn) {
+    auto config = config_of(4, 2);
+    config.game = "breakout,ALE/UpNDown-v5";
+    Crowd crowd(config);
+    for (std::size_t i = 0; i < 4; ++i) {
+        SCOPED_TRACE(i);
+        auto own = config;
+        own.game = i % 2 == 0 ? "breakout" : "up_n_down";
+        cale::Env alone(own, kFirstSeed + static_cast<std::uint32_t>(i));
+        Bytes frame(kFrameSize);
+        alone.reset(frame);
+        EXPECT_TRUE(std::ranges::equal(crowd.frame(i), frame));
+    }
+    crowd.step(0);
+    VectorEnv others(config, crowd.seeds);
+    others.resume(crowd.envs.record());
+    EXPECT_EQ(others.env(3).frame_number(), crowd.envs.env(3).frame_number());
+}
+
+EnvConfig playing(const char* games, std::int64_t num_envs = 1,
+                  cale::ActionSet space = cale::ActionSet::continuous) {
+    EnvConfig config;
+    config.game = games;
+    config.num_envs = num_envs;
+    config.action_space = space;
+    return config;
+}
+
+TEST(EnvSettings, SeveralGamesNeedOneActionSpaceAndAsManyEnvironmentsEach) {
+    const auto refusal = [](const char* games, std::int64_t num_envs, auto space) {
+        return message_of<std::invalid_argument>(
+            [&] { cale::action_space(playing(games, num_envs, space)); });
+    };
+    using cale::ActionSet;
+    EXPECT_EQ(cale::box_size(cale::action_space(playing("pong,hero", 2))), 3);
+    EXPECT_THAT(
+        refusal("pong,hero", 3, ActionSet::continuous),
+        HasSubstr("env.num_envs must be a multiple of the 2 games that the environments play in turn, and "
+                  "it is 3; for a run of each game there is `cale sweep`"));
+    EXPECT_THAT(
+        refusal("pong,hero", 2, ActionSet::minimal),
+        HasSubstr("the minimal sets of actions of several games differ; set env.action_space to full"));
+    EXPECT_THAT(refusal("pong,Pong", 2, ActionSet::full), HasSubstr("pong is named twice among 'pong,Pong'"));
+    EXPECT_THAT(refusal("pong,", 2, ActionSet::full), HasSubstr("there is no game ''"));
+    EXPECT_THAT(message_of<std::invalid_argument>([] { cale::Env(playing("pong,hero"), 1); }),
+                HasSubstr("names several games, where one is played: name one of them"));
+    EXPECT_EQ(cale::variant_name(playing("pong,hero")), "Pong+Hero");
+    EXPECT_EQ(cale::variant_name(playing("pong,hero,krull,boxing")), "4games");
+}
+
 TEST(EnvSettings, AJoystickNeedsTheContinuousActions) {
     auto config = config_of(1, 1);
     config.action_space = cale::ActionSet::minimal;

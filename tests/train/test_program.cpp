@@ -31,6 +31,7 @@
 #include "storage/files.h"
 #include "storage/run_lock.h"
 #include "support/temporary_folder.h"
+#include "train/export.h"
 #include "train/log.h"
 
 namespace cale {
@@ -113,6 +114,32 @@ class Walk : public Agent {
 
 nlohmann::json metadata_of(const std::filesystem::path& run) {
     return nlohmann::json::parse(read_file(run / "metadata.json"));
+}
+
+TEST(ProgramEmulator, TrainsOnePolicyInSeveralGames) {
+    const TemporaryFolder folder;
+    const auto config = folder.write("two.yaml", "env:\n  game: [pong, breakout]\n").string();
+    const auto run = folder.path() / "run";
+    // Every game lasts ten agent steps, so that each ends in each environment.
+    const std::vector<std::string> settings{"env.num_envs=2", "env.max_frames_per_episode=40",
+                                            "agent.min_replay=100", "train.total_steps=60",
+                                            "train.checkpoint_every=20"};
+    auto arguments = small(run, {"--config", config});
+    arguments.insert(arguments.end(), settings.begin(), settings.end());
+    const auto answer = train_sac(arguments);
+    ASSERT_EQ(answer.code, 0) << answer.stderr_text;
+    EXPECT_THAT(answer.stderr_text, testing::HasSubstr("sac on ALE/Pong+Breakout-v5"));
+    const auto episodes = read_file(run / "episodes.csv");
+    EXPECT_THAT(episodes, testing::ContainsRegex("\nr,l,t,global_step,frame,seed,env,truncated,game\n"));
+    EXPECT_THAT(episodes, testing::ContainsRegex(",0,1,Pong\n"));
+    EXPECT_THAT(episodes, testing::ContainsRegex(",1,1,Breakout\n"));
+    EXPECT_EQ(metadata_of(run)["rom_md5"],
+              "60e0ea3cbe0913d39803477945e9e5ec,f34f08e5eb96e500e851a80be3277a56");
+    const auto longer = train_sac(resuming(run, 80, {}));
+    EXPECT_EQ(longer.code, 0) << longer.stderr_text;
+    const auto policy = policy_of(run);
+    EXPECT_EQ(policy.info().game, "Pong+Breakout");
+    EXPECT_EQ(env_config_of(policy.info()).game, "pong,breakout");
 }
 
 TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
@@ -229,7 +256,7 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
     for (const auto& [mistake, said] : std::vector<std::pair<std::string, std::string>>{
              {"env.gmae=pong", "env.game"},
              {"env.game=pongg", "pong"},
-             {"env.game=pong,breakout", "`cale sweep` trains"},
+             {"env.game=pong,breakout", "for a run of each game there is `cale sweep`"},
              {"agent.encoder=IMPALA", "did you mean 'impala'?"},
              {"train.seed=12345678901234567890", "0 to 4294967295"},
              {"env.threshold=1.5", "0 to 1"},
