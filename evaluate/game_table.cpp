@@ -78,7 +78,8 @@ std::string game_table(const std::string& rom_dir, bool atari100k) {
     }
     text +=
         "random: the published score of random joystick events; joystick: random play on the continuous "
-        "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them); paddle: "
+        "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them); "
+        "paddle: "
         "env.paddle=absolute\nplaces it\n";
     text += fmt::format("{} games, {}\n", shown,
                         missing == 0 ? "all with their ROM"
@@ -95,14 +96,29 @@ std::string game_csv(const std::string& rom_dir, bool atari100k) {
     for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
         const auto actions = rom ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
-        text +=
-            fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom, game.in_atari100k ? 1 : 0,
-                        score(game.random_score, ""), score(game.human_score, ""),
-                        score(joystick_score(game, true), ""), score(joystick_score(game, false), ""),
-                        game.minimal_action_count, has_paddle(game) ? 1 : 0, fmt::join(actions, " "),
-                        rom ? rom->string() : "");
+        text += fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom,
+                            game.in_atari100k ? 1 : 0, score(game.random_score, ""),
+                            score(game.human_score, ""), score(joystick_score(game, true), ""),
+                            score(joystick_score(game, false), ""), game.minimal_action_count,
+                            has_paddle(game) ? 1 : 0, fmt::join(actions, " "), rom ? rom->string() : "");
     }
     return text;
+}
+
+std::string mode_table(const std::string& rom_dir, bool atari100k) {
+    constexpr auto kRow = "{:<16}  {:<12}  {}\n";
+    std::string text = fmt::format(kRow, "game", "difficulties", "modes");
+    for (const Game& game : listed_games(atari100k)) {
+        const auto rom = rom_of(game, rom_dir);
+        if (!rom) {
+            text += fmt::format(kRow, game.name, "-", "the ROM is missing: run scripts/setup");
+            continue;
+        }
+        const Emulator console(game, *rom, /*sticky_probability=*/0, /*seed=*/0);
+        text += fmt::format(kRow, game.name, fmt::format("{}", fmt::join(console.difficulties(), " ")),
+                            fmt::join(console.modes(), " "));
+    }
+    return text + "env.mode and env.difficulty choose them.\n";
 }
 
 std::string game_details(const Game& game, const std::string& rom_dir) {

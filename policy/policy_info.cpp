@@ -11,6 +11,11 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
 }
 
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {
+    if (info.joystick == Joystick::paddle) {
+        const auto coordinates = coordinates_of(Joystick::paddle, stick);
+        const bool fire = stick.fire > static_cast<float>(info.threshold);
+        return {.stick = stick, .event = fire ? Event::fire : Event::noop, .paddle = coordinates.front()};
+    }
     return {.stick = stick,
             .event = joystick_event(stick, static_cast<float>(info.threshold), info.event_map),
             .strength = info.radius_is_strength ? stick.radius : 1};

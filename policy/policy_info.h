@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -74,6 +75,9 @@ struct Decision {
     std::int64_t action = -1;   // number among PolicyInfo::actions; -1: coordinates
     Event event = Event::noop;  // to press
     float strength = 1;         // how far a paddle moves, 0 to 1
+    /// Where a paddle is to be, from its left end, 0, to its right one, 1, instead of the event's direction;
+    /// none but of a policy that places it (Joystick::paddle).
+    std::optional<float> paddle{};
 };
 
 /// Returns the joystick decisions that these actions stand for in the policy's game.

@@ -13,11 +13,14 @@ struct Options {
     std::string rom_dir;
     bool atari100k = false;
     bool csv = false;
+    bool modes = false;
 };
 
 void show(const Options& options) {
     if (!options.game.empty()) {
         std::fputs(game_details(find_game(options.game), options.rom_dir).c_str(), stdout);
+    } else if (options.modes) {
+        std::fputs(mode_table(options.rom_dir, options.atari100k).c_str(), stdout);
     } else if (options.csv) {
         std::fputs(game_csv(options.rom_dir, options.atari100k).c_str(), stdout);
     } else {
@@ -28,11 +31,11 @@ void show(const Options& options) {
 }  // namespace
 
 void add_games(CLI::App& app) {
-    auto& command =
-        *app.add_subcommand("games",
-                            "Lists the 60 games and four more with a paddle: how many actions each tells apart, the scores that "
-                            "returns are normalised with, what random play on the joystick scores, which "
-                            "belong to Atari 100k, which ROM is there.");
+    auto& command = *app.add_subcommand(
+        "games",
+        "Lists the 60 games and four more with a paddle: how many actions each tells apart, the scores that "
+        "returns are normalised with, what random play on the joystick scores, which "
+        "belong to Atari 100k, which ROM is there.");
     const auto options = std::make_shared<Options>();
     auto* game =
         command.add_option("GAME", options->game, "tell all about this one: pong, Pong or ALE/Pong-v5")
@@ -43,11 +46,18 @@ void add_games(CLI::App& app) {
                     "scripts/setup installed")
         ->type_name("DIR");
     command.add_flag("--atari100k", options->atari100k, "those 26 alone")->excludes(game);
-    command.add_flag("--csv", options->csv, "as CSV, with the events of every game")->excludes(game);
+    auto* csv =
+        command.add_flag("--csv", options->csv, "as CSV, with the events of every game")->excludes(game);
+    command
+        .add_flag("--modes", options->modes,
+                  "the modes and difficulties of each instead, for env.mode and env.difficulty")
+        ->excludes(game)
+        ->excludes(csv);
     command.footer(
         "Examples:\n"
         "  cale games\n"
         "  cale games breakout\n"
+        "  cale games --modes\n"
         "  cale games --atari100k --csv > games.csv\n"
         "\n"
         "Exit codes: 0 done, 1 failed, 2 usage.");

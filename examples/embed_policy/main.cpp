@@ -23,6 +23,12 @@ std::span<const std::uint8_t> gray_screen(const cale::Emulator& console, std::ve
     return pixels;
 }
 
+/// One frame. Returns the reward.
+int press(cale::Emulator& console, const cale::Decision& decision) {
+    if (decision.paddle) return console.act_paddle(*decision.paddle, decision.event == cale::Event::fire);
+    return console.act(decision.event, decision.strength);
+}
+
 struct Played {
     int frames = 0;
     int score = 0;
@@ -39,7 +45,7 @@ Played play(const cale::Policy& policy, cale::Emulator& console, int most_frames
     cale::Decision decision;
     for (int lives = console.lives(); !console.game_over() && played.frames < most_frames; ++played.frames) {
         if (observer.due()) decision = policy.act(observer.observation());
-        played.score += console.act(decision.event, decision.strength);
+        played.score += press(console, decision);
         observer.see(seen());
         if (console.lives() < lives) observer.lose_life();
         lives = console.lives();

@@ -15,6 +15,7 @@
 namespace cale {
 namespace {
 
+using testing::AllOf;
 using testing::ContainsRegex;
 using testing::HasSubstr;
 
@@ -32,7 +33,8 @@ TEST(GameTable, HasARowForEachGame) {
                                  "       30.5  yes   yes   "));
     EXPECT_THAT(table, HasSubstr("\nAirRaid                 6          -  " + measured("air_raid") +
                                  "          -        "));
-    EXPECT_THAT(table, HasSubstr("\nKaboom                  4          -          -          -        yes   "));
+    EXPECT_THAT(table,
+                HasSubstr("\nKaboom                  4          -          -          -        yes   "));
     EXPECT_EQ(lines(game_table("", true)), 31);
     EXPECT_THAT(game_table("", true), HasSubstr("\n26 games, all with their ROM\n"));
 }
@@ -61,6 +63,10 @@ TEST(GameTableEmulator, AsksTheEmulatorForTheActions) {
     EXPECT_THAT(game_details(find_game("Breakout"), ""),
                 HasSubstr("\nmodes             0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44\n"
                           "difficulties      0, 1\n"));
+    EXPECT_THAT(
+        mode_table(folder.path().string(), true),
+        AllOf(HasSubstr("\nPong              0 1           0 1\n"),
+              HasSubstr("\nHero              -             the ROM is missing: run scripts/setup\n")));
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -342,6 +343,12 @@ TEST(DecisionTest, OfJoysticksAndOfNumbers) {
     const auto stick = decision(info, ContinuousAction{0.75f, 0, 1});
     EXPECT_EQ(stick.event, Event::right_fire);
     EXPECT_EQ(stick.strength, 0.75f);
+    EXPECT_FALSE(stick.paddle);
+    info.joystick = Joystick::paddle;
+    const auto paddle = decision(info, cale::stick(Joystick::paddle, std::array{0.25f, 1.0f}));
+    EXPECT_EQ(paddle.paddle, 0.25f);
+    EXPECT_EQ(paddle.event, Event::fire);
+    info.joystick = Joystick::polar;
     info.actions = {Event::noop, Event::up};
     EXPECT_EQ(decision(info, std::int64_t{1}).event, Event::up);
     EXPECT_EQ(decision(info, std::int64_t{1}).strength, 1);

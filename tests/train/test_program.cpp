@@ -121,9 +121,9 @@ TEST(ProgramEmulator, TrainsOnePolicyInSeveralGames) {
     const auto config = folder.write("two.yaml", "env:\n  game: [pong, breakout]\n").string();
     const auto run = folder.path() / "run";
     // Every game lasts ten agent steps, so that each ends in each environment.
-    const std::vector<std::string> settings{"env.num_envs=2", "env.max_frames_per_episode=40",
-                                            "agent.min_replay=100", "train.total_steps=60",
-                                            "train.checkpoint_every=20"};
+    const std::vector<std::string> settings{
+        "env.num_envs=2",       "env.max_frames_per_episode=40", "agent.min_replay=100",
+        "train.total_steps=60", "train.checkpoint_every=20",     "eval.episodes=2"};
     auto arguments = small(run, {"--config", config});
     arguments.insert(arguments.end(), settings.begin(), settings.end());
     const auto answer = train_sac(arguments);
@@ -135,6 +135,8 @@ TEST(ProgramEmulator, TrainsOnePolicyInSeveralGames) {
     EXPECT_THAT(episodes, testing::ContainsRegex(",1,1,Breakout\n"));
     EXPECT_EQ(metadata_of(run)["rom_md5"],
               "60e0ea3cbe0913d39803477945e9e5ec,f34f08e5eb96e500e851a80be3277a56");
+    EXPECT_THAT(read_file(run / "eval" / "step_000000060.csv"),
+                testing::MatchesRegex("episode,return,length,frames,game\n0,.*,Pong\n1,.*,Breakout\n"));
     const auto longer = train_sac(resuming(run, 80, {}));
     EXPECT_EQ(longer.code, 0) << longer.stderr_text;
     const auto policy = policy_of(run);
