@@ -72,7 +72,7 @@ const std::string& game_of(const std::vector<std::string>& games, std::int64_t e
     return games.at(static_cast<std::size_t>(env) % games.size());
 }
 
-EpisodeLog::EpisodeLog(const std::filesystem::path& path, const RunIdentity& run,
+EpisodeLog::EpisodeLog(const std::filesystem::path& path, const EpisodeLogHeader& run,
                        std::optional<std::int64_t> offset)
     : file_(path, offset), seed_(run.seed), games_(run.games) {
     if (offset) return;

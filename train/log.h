@@ -14,7 +14,7 @@
 namespace cale {
 
 /// The run's description in the first line of episodes.csv.
-struct RunIdentity {
+struct EpisodeLogHeader {
     std::string env_id{};  // "ALE/Pong-v5"
     std::string agent{};   // "sac"
     std::uint64_t seed = 0;
@@ -43,7 +43,7 @@ class EpisodeLog {
   public:
     /// `offset`: where to continue after a resume (see offset()); what follows it is cut off.
     /// Throws std::runtime_error, here and below, when the disk is full or the file unwritable.
-    EpisodeLog(const std::filesystem::path& path, const RunIdentity& run,
+    EpisodeLog(const std::filesystem::path& path, const EpisodeLogHeader& run,
                std::optional<std::int64_t> offset = std::nullopt);
 
     void write(const Episode& episode);

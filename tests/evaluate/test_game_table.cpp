@@ -65,7 +65,7 @@ TEST(GameTableEmulator, AsksTheEmulatorForTheActions) {
                           "difficulties      0, 1\n"));
     EXPECT_THAT(
         mode_table(folder.path().string(), true),
-        AllOf(HasSubstr("\nPong              0 1           0 1\n"),
+        AllOf(HasSubstr("\nPong              0 1 2 3       0 1\n"),
               HasSubstr("\nHero              -             the ROM is missing: run scripts/setup\n")));
 }
 

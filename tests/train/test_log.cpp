@@ -48,7 +48,7 @@ std::string error_of(Action&& action) {
     return "no error";
 }
 
-const RunIdentity kRun{.env_id = "ALE/Pong-v5", .agent = "sac", .seed = 7};
+const EpisodeLogHeader kRun{.env_id = "ALE/Pong-v5", .agent = "sac", .seed = 7};
 
 Episode episode(int number) {
     return {.episode_return = -21.0 + number,
