@@ -102,4 +102,32 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     return row.back();
 }
 
+std::string lower(std::string_view text) {
+    std::string result(text);
+    for (char& c : result) {
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    }
+    return result;
+}
+
+std::string nearest(std::string_view text, std::span<const std::string> candidates) {
+    std::string best;
+    // A third of the letters may be wrong, and two always.
+    std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
+    for (const auto& candidate : candidates) {
+        const auto distance = edit_distance(lower(text), lower(candidate));
+        // Nothing in common is no misspelling, however short.
+        if (distance < limit && distance < std::max(text.size(), candidate.size())) {
+            limit = distance;
+            best = candidate;
+        }
+    }
+    return best;
+}
+
+std::string did_you_mean(std::string_view text, std::span<const std::string> candidates) {
+    const auto guess = nearest(text, candidates);
+    return guess.empty() ? "" : "; did you mean '" + guess + "'?";
+}
+
 }  // namespace cale

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -46,5 +47,12 @@ std::string printable(std::string_view text);
 /// Returns the edit distance of two words: letters inserted, deleted, replaced, or swapped with their
 /// neighbour (optimal string alignment).
 std::size_t edit_distance(std::string_view a, std::string_view b);
+
+/// Returns the text with A to Z as a to z.
+std::string lower(std::string_view text);
+/// The candidate that `text` is probably a misspelling of, by edit distance; empty if none is near.
+std::string nearest(std::string_view text, std::span<const std::string> candidates);
+/// Returns "; did you mean 'CANDIDATE'?" with the nearest one; empty if none is near.
+std::string did_you_mean(std::string_view text, std::span<const std::string> candidates);
 
 }  // namespace cale

@@ -101,8 +101,9 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
 }  // namespace
 
 struct VectorEnv::Impl {
-    Impl(const EnvConfig& config, std::span<const std::uint32_t> seeds)
-        : joystick(coordinates(config)),
+    Impl(const EnvConfig& env_config, std::span<const std::uint32_t> seeds)
+        : config(env_config),
+          joystick(coordinates(config)),
           frame_size(static_cast<std::size_t>(cale::observation_space(config).frame_size())),
           observation_space(cale::observation_space(config)),
           envs(seeds.size()),
@@ -144,22 +145,23 @@ struct VectorEnv::Impl {
         if (first != nullptr) std::rethrow_exception(first);
     }
 
-    /// `action_of` returns the action of environment i.
-    template <class ActionOf>
-    void step(ActionOf&& action_of, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
+    /// `step_one` takes the step of environment i.
+    template <class StepOne>
+    void step(StepOne&& step_one, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) {
         require_size(frames.size(), envs.size() * frame_size, "bytes for the frames");
         require_size(final_frames.size(), envs.size() * frame_size, "bytes for the final frames");
         require_size(results.size(), envs.size(), "step results");
         for_each_env([&](std::size_t i) {
             const auto frame = frames.subspan(i * frame_size, frame_size);
-            results[i] = envs[i]->step(action_of(i), frame);
+            results[i] = step_one(i, frame);
             if (!results[i].episode_over) return;
             std::ranges::copy(frame, final_frames.subspan(i * frame_size, frame_size).begin());
             envs[i]->reset(frame);
         });
     }
 
+    EnvConfig config;
     Joystick joystick;
     std::size_t frame_size;  // bytes
     ObservationSpace observation_space;
@@ -211,29 +213,44 @@ ObservationSpace VectorEnv::observation_space() const {
     return impl_->observation_space;
 }
 
+EpisodeRecord VectorEnv::record(std::int64_t index) const {
+    const Env& env = this->env(index);
+    const auto& game = env.record();
+    EpisodeRecord record;
+    record["start"] = bytes_of(std::span(game.start));
+    record["events"] = bytes_of(std::span(game.events));
+    record["strengths"] = bytes_of(std::span(game.strengths));
+    if (env.stick() || env.paddle()) record["commands"] = bytes_of(std::span(game.commands));
+    return record;
+}
 std::vector<EpisodeRecord> VectorEnv::record() const {
     std::vector<EpisodeRecord> records;
-    for (const auto& env : impl_->envs) {
-        const auto& game = env->record();
-        auto& record = records.emplace_back();
-        record["start"] = bytes_of(std::span(game.start));
-        record["events"] = bytes_of(std::span(game.events));
-        record["strengths"] = bytes_of(std::span(game.strengths));
-        if (env->stick() || env->paddle()) record["commands"] = bytes_of(std::span(game.commands));
-    }
+    for (std::int64_t i = 0; i < size(); ++i) records.push_back(record(i));
     return records;
+}
+
+void VectorEnv::resume(std::int64_t index, const EpisodeRecord& record) {
+    Env& env = *impl_->envs.at(static_cast<std::size_t>(index));
+    GameRecord game;
+    read_bytes(record, "start", game.start);
+    read_bytes(record, "events", game.events);
+    read_bytes(record, "strengths", game.strengths);
+    if (env.stick() || env.paddle()) read_bytes(record, "commands", game.commands);
+    env.resume(game);
 }
 void VectorEnv::resume(std::span<const EpisodeRecord> records) {
     require_size(records.size(), impl_->envs.size(), "recorded games");
-    impl_->for_each_env([&](std::size_t i) {
-        GameRecord game;
-        read_bytes(records[i], "start", game.start);
-        read_bytes(records[i], "events", game.events);
-        read_bytes(records[i], "strengths", game.strengths);
-        const auto& env = *impl_->envs[i];
-        if (env.stick() || env.paddle()) read_bytes(records[i], "commands", game.commands);
-        impl_->envs[i]->resume(game);
-    });
+    impl_->for_each_env([&](std::size_t i) { resume(static_cast<std::int64_t>(i), records[i]); });
+}
+
+void VectorEnv::for_each(const std::function<void(std::int64_t index)>& work) {
+    impl_->for_each_env([&work](std::size_t i) { work(static_cast<std::int64_t>(i)); });
+}
+void VectorEnv::reset(std::int64_t index, std::span<std::uint8_t> frame) {
+    impl_->envs.at(static_cast<std::size_t>(index))->reset(frame);
+}
+void VectorEnv::renew(std::int64_t index, std::uint32_t seed) {
+    impl_->envs.at(static_cast<std::size_t>(index)).emplace(impl_->config, seed);
 }
 
 void VectorEnv::reset(std::span<std::uint8_t> frames) {
@@ -246,30 +263,45 @@ void VectorEnv::reset(std::span<std::uint8_t> frames) {
 void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::uint8_t> frames,
                      std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
     require_size(actions.size(), impl_->envs.size(), "actions");
-    impl_->step([&](std::size_t i) { return actions[i]; }, frames, final_frames, results);
+    impl_->step(
+        [&](std::size_t i, std::span<std::uint8_t> frame) { return impl_->envs[i]->step(actions[i], frame); },
+        frames, final_frames, results);
 }
 
-void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
-                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
-    const auto count = impl_->envs.size();
-    const auto joystick = impl_->joystick;
-    const bool events = !this->actions().empty(), factored = !events && joystick == Joystick::factored;
+void VectorEnv::check(const Actions& actions) const {
     const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions);
-    if ((numbers != nullptr) != (events || factored)) {
+    const bool takes_numbers = num_actions(action_space()) > 0;
+    if ((numbers != nullptr) != takes_numbers) {
         throw std::invalid_argument(
             numbers != nullptr ? "this world's actions are coordinates of the joystick, not numbers"
                                : "this world's actions are numbers, not coordinates of the joystick");
     }
-    const auto step = [&](auto&& action_of) { impl_->step(action_of, frames, final_frames, results); };
-    if (numbers != nullptr) {
-        require_size(numbers->size(), count, "actions");
-        if (events) return step([&](std::size_t i) { return (*numbers)[i]; });
-        return step([&](std::size_t i) { return factored_stick((*numbers)[i]); });
+    const auto count = impl_->envs.size();
+    if (numbers != nullptr) return require_size(numbers->size(), count, "actions");
+    const auto size = stick_coordinates(impl_->joystick).size();
+    require_size(std::get<std::span<const float>>(actions).size(), size * count, "coordinates of actions");
+}
+
+StepResult VectorEnv::step(std::int64_t index, const Actions& actions, std::span<std::uint8_t> frame) {
+    const auto i = static_cast<std::size_t>(index);
+    Env& env = *impl_->envs.at(i);
+    if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
+        if (!env.actions().empty()) return env.step((*numbers)[i], frame);
+        return env.step(factored_stick((*numbers)[i]), frame);
     }
-    const auto coordinates = std::get<std::span<const float>>(actions);
-    const auto size = stick_coordinates(joystick).size();
-    require_size(coordinates.size(), size * count, "coordinates of actions");
-    step([&](std::size_t i) { return stick(joystick, coordinates.subspan(i * size, size)); });
+    const auto size = stick_coordinates(impl_->joystick).size();
+    const auto coordinates = std::get<std::span<const float>>(actions).subspan(i * size, size);
+    return env.step(stick(impl_->joystick, coordinates), frame);
+}
+
+void VectorEnv::step(const Actions& actions, std::span<std::uint8_t> frames,
+                     std::span<std::uint8_t> final_frames, std::span<StepResult> results) {
+    check(actions);
+    impl_->step(
+        [&](std::size_t i, std::span<std::uint8_t> frame) {
+            return step(static_cast<std::int64_t>(i), actions, frame);
+        },
+        frames, final_frames, results);
 }
 
 }  // namespace cale

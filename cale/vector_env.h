@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -71,6 +72,24 @@ class VectorEnv final : public World {
     /// Env::resume() of each. Throws as it does, and std::invalid_argument for another number of records.
     void resume(std::span<const EpisodeRecord> records) override;
 
+    /// For callers that decide for themselves what becomes of an episode that is over, and where each
+    /// environment writes: calls work(i) for every environment, each on its thread, and returns when all are
+    /// done. Throws what the first of those that threw had thrown. `work` may call, for its `i`:
+    void for_each(const std::function<void(std::int64_t index)>& work);
+    /// One agent step by row `index` of `actions`, which must have passed check(). Writes the newest frame to
+    /// `frame`, and resets nothing.
+    StepResult step(std::int64_t index, const Actions& actions, std::span<std::uint8_t> frame);
+    /// Starts a new game.
+    void reset(std::int64_t index, std::span<std::uint8_t> frame);
+    /// Replaces the environment by a new one with this seed, to be reset.
+    void renew(std::int64_t index, std::uint32_t seed);
+    /// Env::resume(). Throws as it does.
+    void resume(std::int64_t index, const EpisodeRecord& record);
+
+    /// Throws std::invalid_argument for the other kind or another number of actions than step() takes.
+    void check(const Actions& actions) const;
+    /// Env::record() of one as bytes; not while a step is under way.
+    EpisodeRecord record(std::int64_t index) const;
     /// For videos and tests; not while a step is under way.
     const Env& env(std::int64_t index) const;
 

@@ -12,11 +12,11 @@
 #include <torch/types.h>
 
 #include "cale/games.h"
+#include "cale/seeds.h"
 #include "evaluate/step_log.h"
 #include "report/aggregate.h"
 #include "report/scene.h"
 #include "report/video.h"
-#include "settings/seeds.h"
 #include "storage/files.h"
 
 namespace cale {

@@ -10,7 +10,7 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
-#include "settings/seeds.h"
+#include "cale/seeds.h"
 
 namespace cale {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "cale/games.h"
 #include "cale/real_time.h"
+#include "cale/seeds.h"
 #include "report/video.h"
-#include "settings/seeds.h"
 
 namespace cale {
 namespace {

@@ -1,8 +1,6 @@
 #include "settings/config.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <map>
 #include <sstream>
 #include <system_error>
@@ -25,11 +23,6 @@ std::string_view name_of(std::string_view key) {
     return key.substr(key.find('.') + 1);
 }
 
-std::string did_you_mean(std::string_view text, std::span<const std::string> candidates) {
-    const auto guess = nearest(text, candidates);
-    return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
-}
-
 /// Where the documents of a YAML stream begin.
 struct DocumentStarts : YAML::EventHandler {
     std::vector<YAML::Mark> marks;
@@ -49,80 +42,6 @@ struct DocumentStarts : YAML::EventHandler {
 
 // ---- values -------------------------------------------------------------------------
 
-std::string lower(std::string_view text) {
-    std::string result(text);
-    for (char& c : result) {
-        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-    }
-    return result;
-}
-
-/// 1_000 -> 1000 and +1 -> 1, which std::from_chars does not know.
-std::string plain_number(std::string_view text) {
-    const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
-    std::string result;
-    for (std::size_t i = 0; i < text.size(); ++i) {
-        const bool separator =
-            text[i] == '_' && i > 0 && i + 1 < text.size() && is_digit(text[i - 1]) && is_digit(text[i + 1]);
-        const bool plus = i == 0 && text[i] == '+' && text.size() > 1 && text[1] != '-';
-        if (!separator && !plus) result += text[i];
-    }
-    return result;
-}
-
-std::optional<double> parse_number(std::string_view text) {
-    const auto value = number_in<double>(plain_number(text));
-    return value && std::isfinite(*value) ? value : std::nullopt;
-}
-
-std::optional<std::int64_t> parse_integer(std::string_view text) {
-    if (const auto value = number_in<std::int64_t>(plain_number(text))) return value;
-    // 1e6, 2.5e3: exact as long as a double can count.
-    const auto value = parse_number(text);
-    if (!value || *value != std::trunc(*value) || std::abs(*value) > 0x1p53) return std::nullopt;
-    return static_cast<std::int64_t>(*value);
-}
-
-/// Whether it is one, however large.
-bool is_whole_number(std::string_view text) {
-    const auto number = plain_number(text);
-    const auto digits = std::string_view(number).substr(number.starts_with('-') ? 1 : 0);
-    if (!digits.empty() && digits.find_first_not_of("0123456789") == digits.npos) return true;
-    const auto value = parse_number(text);
-    return value && *value == std::trunc(*value);
-}
-
-std::optional<bool> parse_bool(std::string_view text) {
-    const auto word = lower(text);
-    if (word == "true" || word == "yes" || word == "on") return true;
-    if (word == "false" || word == "no" || word == "off") return false;
-    return std::nullopt;
-}
-
-bool is_none(std::string_view text) {
-    const auto word = lower(text);
-    return word == "none" || word == "null" || word == "~";
-}
-
-/// 1000000000000 -> 1e12, where nothing is lost.
-std::string short_number(double value) {
-    auto text = fmt::format("{:.0e}", value);
-    for (const std::string_view exponent : {"e+0", "e+"}) {
-        if (const auto at = text.find(exponent); at != std::string::npos)
-            text.replace(at, exponent.size(), "e");
-    }
-    return std::abs(value) >= 1e6 && parse_number(text) == value ? text : fmt::to_string(value);
-}
-
-std::string range_text(Range range) {
-    const bool low = std::isfinite(range.low);
-    const bool high = std::isfinite(range.high);
-    if (low && high) return fmt::format("{} to {}", short_number(range.low), short_number(range.high));
-    if (low) return "at least " + short_number(range.low);
-    if (high) return "at most " + short_number(range.high);
-    return "";
-}
-
 /// A text as YAML that every reader takes for a text.
 std::string quoted(const std::string& text) {
     const auto is_plain = [](char c) {
@@ -132,84 +51,13 @@ std::string quoted(const std::string& text) {
     const auto is_start = [&](char c) {
         return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
     };
-    const bool is_word = text.size() == 1 || is_none(text) || parse_bool(text).has_value();
+    const bool is_word = text.size() == 1 || means_none(text) || truth_in(text).has_value();
     if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
         return text;
     YAML::Emitter emitter;
     emitter << YAML::DoubleQuoted << text;
     return emitter.c_str();
 }
-
-/// Reads text into a member of each type; `entry` is for the range and the sentences.
-struct Reader {
-    const ConfigEntry& entry;
-    std::string_view text;
-
-    [[noreturn]] void reject(std::string_view what, std::string_view hint = "") const {
-        throw ConfigError(fmt::format("{} must be {}, not '{}'{}", entry.key, what, text, hint));
-    }
-    /// Of integers, which all fit into 64 bits.
-    std::string range_of_integers() const {
-        constexpr auto kLimits = std::numeric_limits<std::int64_t>();
-        return entry.range_text.empty() ? fmt::format("{} to {}", kLimits.min(), kLimits.max())
-                                        : entry.range_text;
-    }
-    template <class Number>
-    Number checked(std::optional<Number> value, std::string_view what) const {
-        if (!value) reject(what);
-        const auto number = static_cast<double>(*value);
-        if (number < entry.range.low || number > entry.range.high) reject(entry.range_text);
-        return *value;
-    }
-
-    void operator()(std::int64_t* member) const {
-        const auto value = parse_integer(text);
-        if (!value && is_whole_number(text)) reject(range_of_integers());
-        *member = checked(value, "an integer");
-    }
-    void operator()(double* member) const { *member = checked(parse_number(text), "a number"); }
-    void operator()(std::optional<double>* member) const {
-        read_optional(member, parse_number, "a number or none");
-    }
-    void operator()(std::optional<std::int64_t>* member) const {
-        read_optional(member, parse_integer, "an integer or none");
-    }
-    template <class Number>
-    void read_optional(std::optional<Number>* member, std::optional<Number> (*parse)(std::string_view),
-                       std::string_view what) const {
-        if (is_none(text)) {
-            member->reset();
-        } else {
-            *member = checked(parse(text), what);
-        }
-    }
-    void operator()(IntegerRange* member) const {
-        const auto value = integer_range_in(text);
-        if (!value) reject("an integer, or two such as 0-8");
-        checked(std::optional(value->low), "an integer");
-        checked(std::optional(value->high), "an integer");
-        *member = *value;
-    }
-    void operator()(bool* member) const {
-        const auto value = parse_bool(text);
-        if (!value) reject("true or false");
-        *member = *value;
-    }
-    void operator()(std::string* member) const {
-        // Another one would not come back from the run's config.yaml.
-        if (YAML::Load(quoted(std::string(text))).as<std::string>() != text)
-            reject("text that a YAML file can hold, which is UTF-8");
-        *member = text;
-    }
-    void operator()(const EnumMember& member) const {
-        const auto found = std::find(member.names.begin(), member.names.end(), text);
-        if (found == member.names.end()) {
-            const std::vector<std::string> names(member.names.begin(), member.names.end());
-            reject(entry.type, did_you_mean(text, names));
-        }
-        member.set(static_cast<std::size_t>(found - member.names.begin()));
-    }
-};
 
 struct Writer {
     std::string operator()(const std::int64_t* member) const { return fmt::to_string(*member); }
@@ -222,19 +70,6 @@ struct Writer {
     std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
     std::string operator()(const std::string* member) const { return *member; }
     std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
-};
-
-struct TypeName {
-    std::string operator()(const std::int64_t*) const { return "integer"; }
-    std::string operator()(const double*) const { return "number"; }
-    std::string operator()(const std::optional<double>*) const { return "number or none"; }
-    std::string operator()(const std::optional<std::int64_t>*) const { return "integer or none"; }
-    std::string operator()(const IntegerRange*) const { return "integer, or two such as 0-8"; }
-    std::string operator()(const bool*) const { return "true/false"; }
-    std::string operator()(const std::string*) const { return "text"; }
-    std::string operator()(const EnumMember& member) const {
-        return fmt::format("one of {}", fmt::join(member.names, ", "));
-    }
 };
 
 // ---- keys ---------------------------------------------------------------------------
@@ -474,21 +309,6 @@ class YamlReader {
 
 ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(printable(sentence)) {}
 
-std::string nearest(std::string_view text, std::span<const std::string> candidates) {
-    std::string best;
-    // A third of the letters may be wrong, and two always.
-    std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
-    for (const auto& candidate : candidates) {
-        const auto distance = edit_distance(lower(text), lower(candidate));
-        // Nothing in common is no misspelling, however short.
-        if (distance < limit && distance < std::max(text.size(), candidate.size())) {
-            limit = distance;
-            best = candidate;
-        }
-    }
-    return best;
-}
-
 namespace {
 
 void read_value(const ConfigEntry& entry, std::string_view text) {
@@ -499,7 +319,17 @@ void read_value(const ConfigEntry& entry, std::string_view text) {
             throw ConfigError(fmt::format("{}: {}", entry.key, error.what()));
         }
     }
-    std::visit(Reader{entry, text}, entry.member);
+    // Another one would not come back from the run's config.yaml.
+    if (std::holds_alternative<std::string*>(entry.member) &&
+        YAML::Load(quoted(std::string(text))).as<std::string>() != text) {
+        throw ConfigError(fmt::format("{} must be text that a YAML file can hold, which is UTF-8, not '{}'",
+                                      entry.key, text));
+    }
+    try {
+        read_setting(entry.key, entry.range, text, entry.member);
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
 }
 
 /// Whether the text is a list as a sweep has it, "1..3" or "pong,breakout", of values that the entry takes.
@@ -538,7 +368,7 @@ std::string ConfigEntry::get() const {
 }
 
 void ConfigTable::add(std::string_view section, std::string_view name, std::string_view help, Range range,
-                      ConfigMember member) {
+                      SettingMember member) {
     ConfigEntry entry{fmt::format("{}.{}", section, name),
                       "",
                       "",
@@ -547,7 +377,7 @@ void ConfigTable::add(std::string_view section, std::string_view name, std::stri
                       range,
                       std::move(member)};
     if (has(entry.key)) throw std::logic_error(fmt::format("two fields are called '{}'", entry.key));
-    entry.type = std::visit(TypeName{}, entry.member);
+    entry.type = setting_type(entry.member);
     entry.default_text = entry.get();
     const auto same_section = [&](const ConfigEntry& other) { return section_of(other.key) == section; };
     const auto last = std::find_if(entries_.rbegin(), entries_.rend(), same_section);

@@ -19,13 +19,13 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "cale/fields.h"
-#include "cale/integer_range.h"
+#include "cale/setting.h"
+#include "cale/text.h"
 
 namespace cale {
 
@@ -38,18 +38,6 @@ class ConfigError : public std::runtime_error {
     explicit ConfigError(std::string_view sentence);
 };
 
-/// A type-erased enumeration member: its value is an index into `names`.
-struct EnumMember {
-    std::span<const std::string_view> names;  // of the values, in order
-    std::function<std::size_t()> get;         // its value
-    std::function<void(std::size_t)> set;     // changes it
-};
-
-/// The struct member that an entry of the table reads and writes.
-using ConfigMember =
-    std::variant<std::int64_t*, double*, std::optional<double>*, std::optional<std::int64_t>*, IntegerRange*,
-                 bool*, std::string*, EnumMember>;
-
 /// One setting.
 struct ConfigEntry {
     std::string key;           // "env.threshold"
@@ -58,13 +46,11 @@ struct ConfigEntry {
     std::string range_text;    // "0 to 1", "at least 1"; empty where anything goes
     std::string help;          // its sentence
     Range range;               // of numbers
-    ConfigMember member;       // where it is stored
+    SettingMember member;      // where it is stored
     std::function<void(const std::string&)> check{};  // of texts: throws std::invalid_argument, a sentence
     bool takes_list = false;                          // of texts: a YAML list is one text with commas
 
-    /// Reads `text` into the member. Integers may be written 1000000, 1_000_000 or 1e6;
-    /// true/false also yes/no and on/off; an absent number is none or null.
-    /// Throws ConfigError that names key, value and what is allowed; the member is then unchanged.
+    /// read_setting() of the member. Throws ConfigError where that throws; the member is then unchanged.
     void set(std::string_view text) const;
     /// The member's value as text that `set` would read to the same value.
     std::string get() const;
@@ -135,29 +121,20 @@ class ConfigTable {
 
         template <class T>
         void operator()(std::string_view name, T& member, std::string_view help) const {
-            if constexpr (std::is_enum_v<T>) {
-                table.add(section, name, help, {},
-                          EnumMember{names_of(member), [&member] { return static_cast<std::size_t>(member); },
-                                     [&member](std::size_t index) { member = static_cast<T>(index); }});
-            } else {
-                table.add(section, name, help, {}, &member);
-            }
+            table.add(section, name, help, {}, setting_member(member));
         }
         template <class T>
         void operator()(std::string_view name, T& member, Range range, std::string_view help) const {
-            table.add(section, name, help, range, &member);
+            table.add(section, name, help, range, setting_member(member));
         }
     };
 
     void add(std::string_view section, std::string_view name, std::string_view help, Range range,
-             ConfigMember member);
+             SettingMember member);
     const ConfigEntry* find(std::string_view key) const;
 
     std::vector<ConfigEntry> entries_;
     std::vector<std::function<void()>> rules_;
 };
-
-/// The candidate that `text` is probably a misspelling of, by edit distance; empty if none is near.
-std::string nearest(std::string_view text, std::span<const std::string> candidates);
 
 }  // namespace cale

@@ -10,7 +10,7 @@ namespace cale {
 namespace {
 
 /// A setting of no name, to read and print values with as the training programs do.
-ConfigEntry entry_of(const ConfigMember& member) {
+ConfigEntry entry_of(const SettingMember& member) {
     ConfigEntry entry;
     entry.member = member;
     return entry;

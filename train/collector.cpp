@@ -10,8 +10,8 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
+#include "cale/seeds.h"
 #include "evaluate/evaluation.h"
-#include "settings/seeds.h"
 
 namespace cale {
 namespace {

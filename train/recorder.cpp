@@ -9,10 +9,10 @@
 
 #include <fmt/format.h>
 
+#include "cale/seeds.h"
 #include "evaluate/evaluation.h"
 #include "replay/replay_buffer.h"
 #include "report/learning_curve.h"
-#include "settings/seeds.h"
 #include "terminal/console.h"
 #include "terminal/stop_signals.h"
 #include "train/checkpoint_writer.h"

@@ -1,4 +1,4 @@
-#include "settings/seeds.h"
+#include "cale/seeds.h"
 
 namespace cale {
 
