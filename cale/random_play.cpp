@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace cale {
 namespace {
@@ -20,6 +21,15 @@ bool was_measured(const Game& game) {
 }
 
 }  // namespace
+
+ContinuousAction random_stick(Joystick joystick, std::mt19937& random) {
+    if (joystick == Joystick::factored)
+        return factored_stick(std::uniform_int_distribution<std::int64_t>(0, kEventCount - 1)(random));
+    std::vector<float> action;
+    for (const auto& [name, low, high] : stick_coordinates(joystick))
+        action.push_back(std::uniform_real_distribution<float>(low, high)(random));
+    return stick(joystick, action);
+}
 
 std::span<const RandomPlay> joystick_random_scores() {
     return kScores;

@@ -6,13 +6,18 @@
 
 #include <cstdint>
 #include <optional>
+#include <random>
 #include <span>
 #include <string_view>
 
 #include "cale/env.h"
 #include "cale/games.h"
+#include "cale/joystick.h"
 
 namespace cale {
+
+/// Returns a joystick that is uniform over the coordinates of `joystick`, or over the actions of `factored`.
+ContinuousAction random_stick(Joystick joystick, std::mt19937& random);
 
 /// One game under one protocol, every action drawn uniformly from [0, 1] x [-pi, pi] x [0, 1] at threshold
 /// 0.5. Measured with bench/joystick_random; data/README.md says how.

@@ -12,6 +12,7 @@
 #include <torch/types.h>
 
 #include "cale/games.h"
+#include "cale/random_play.h"
 #include "cale/seeds.h"
 #include "evaluate/step_log.h"
 #include "report/aggregate.h"
@@ -47,16 +48,6 @@ class Film {
     double pictures_ = 0;
     std::optional<VideoWriter> writer_;
 };
-
-/// Uniform over the coordinates of `joystick`, or over the actions of `factored`.
-ContinuousAction random_stick(Joystick joystick, std::mt19937& random) {
-    if (joystick == Joystick::factored)
-        return factored_stick(std::uniform_int_distribution<std::int64_t>(0, kEventCount - 1)(random));
-    std::vector<float> action;
-    for (const auto& [name, low, high] : stick_coordinates(joystick))
-        action.push_back(std::uniform_real_distribution<float>(low, high)(random));
-    return stick(joystick, action);
-}
 
 std::filesystem::path step_log_file(const EvaluationPlan& plan, std::int64_t number) {
     return plan.step_logs / fmt::format("game_{:04}.csv", number);

@@ -114,6 +114,9 @@ const PolicyInfo& Policy::info() const {
 std::size_t Policy::output_size() const {
     return static_cast<std::size_t>(cale::output_size(plan_->head));
 }
+bool Policy::gives_action_values() const {
+    return plan_->head.kind == Head::Kind::values;
+}
 
 Workspace Policy::workspace(std::size_t observations) const {
     if (observations == 0) throw std::invalid_argument("a workspace has room for at least one observation");

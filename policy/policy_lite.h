@@ -52,6 +52,8 @@ class Policy {
     /// means of the Gaussian before the tanh, then the logarithms of its standard deviations), else one per
     /// action: log-probabilities, or action values.
     std::size_t output_size() const;
+    /// Whether these numbers are action values.
+    bool gives_action_values() const;
 
     /// Memory for one thread that acts with this policy, on up to so many observations at a time: they share
     /// each pass over the weights. Eight are worth it; more only cost memory. Throws std::invalid_argument

@@ -1,0 +1,329 @@
+#include "python/batch.h"
+
+#include <algorithm>
+#include <array>
+#include <sstream>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+
+#include "python/settings.h"
+
+namespace cale::python {
+namespace {
+
+constexpr std::string_view kMagic = "cale environment 1\n";
+
+// ---- saved environments: a sequence of texts, each with its length before it ---------------
+
+void append(std::string& bytes, std::string_view text) {
+    const auto size = static_cast<std::uint64_t>(text.size());
+    for (int shift = 0; shift < 64; shift += 8) bytes += static_cast<char>(size >> shift & 0xff);
+    bytes += text;
+}
+
+/// Takes the next text off the front.
+std::string_view next(std::string_view& bytes) {
+    std::uint64_t size = 0;
+    const auto digits = std::min<std::size_t>(bytes.size(), 8);
+    for (std::size_t i = 0; i < digits; ++i)
+        size |= std::uint64_t{static_cast<unsigned char>(bytes[i])} << 8 * i;
+    if (digits < 8 || size > bytes.size() - 8)
+        throw std::invalid_argument("the saved state is cut off or damaged");
+    const auto text = bytes.substr(8, size);
+    bytes.remove_prefix(8 + size);
+    return text;
+}
+
+std::string_view text_of(std::span<const std::uint8_t> bytes) {
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+std::span<const std::uint8_t> bytes_of(std::string_view text) {
+    return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+/// The first line of `theirs` that is not in `ours`, which has the same settings: "threshold=0.5, not 0.4".
+std::string difference(std::string_view ours, std::string_view theirs) {
+    std::istringstream our_lines{std::string(ours)}, their_lines{std::string(theirs)};
+    for (std::string our, their; std::getline(our_lines, our) && std::getline(their_lines, their);)
+        if (our != their) return their + ", not " + our.substr(our.find('=') + 1);
+    return "other settings";
+}
+
+std::string number_text(float number) {
+    std::ostringstream text;
+    text << number;
+    return text.str();
+}
+
+}  // namespace
+
+// ---- Background --------------------------------------------------------------------------
+
+Background::Background() : thread_([this] { serve(); }) {}
+
+Background::~Background() {
+    task_ = nullptr;
+    started_.release();
+    thread_.join();
+}
+
+void Background::start(std::function<void()> task) {
+    task_ = std::move(task);
+    started_.release();
+}
+
+void Background::wait() {
+    ended_.acquire();
+    if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
+}
+
+void Background::serve() {
+    while (true) {
+        started_.acquire();
+        if (task_ == nullptr) return;
+        try {
+            task_();
+        } catch (...) {
+            failure_ = std::current_exception();
+        }
+        ended_.release();
+    }
+}
+
+// ---- Batch -------------------------------------------------------------------------------
+
+Batch::Batch(const EnvConfig& config, Autoreset autoreset)
+    : config_(config),
+      autoreset_(autoreset),
+      seen_(cale::observation_space(config)),
+      frame_size_(static_cast<std::size_t>(seen_.frame_size())),
+      stack_size_(frame_size_ * static_cast<std::size_t>(seen_.stack)),
+      stacks_(static_cast<std::size_t>(config.num_envs), static_cast<std::size_t>(seen_.stack), frame_size_),
+      frames_(static_cast<std::size_t>(config.num_envs) * frame_size_),
+      shown_(static_cast<std::size_t>(config.num_envs)),
+      states_(static_cast<std::size_t>(config.num_envs)) {
+    auto one = config;
+    one.num_envs = 1;
+    const std::uint32_t seed = 0;
+    actions_ = VectorEnv(one, {&seed, 1}).action_space();
+    if (autoreset == Autoreset::same_step) final_stacks_.resize(stacks_.data().size());
+}
+
+bool Batch::has_stick() const {
+    return moves(config_.motion);
+}
+
+VectorEnv& Batch::envs() const {
+    if (envs_ == nullptr) throw std::logic_error("no episode was started: call reset() first");
+    return *envs_;
+}
+
+const Env& Batch::env(std::int64_t index) const {
+    return envs().env(index);
+}
+
+void Batch::make(std::span<const std::uint32_t> seeds) {
+    envs_ = std::make_unique<VectorEnv>(config_, seeds);
+    std::ranges::fill(states_, State{});
+}
+
+void Batch::begin_episode(std::size_t i, bool new_game) {
+    auto& state = states_[i];
+    // A lost life ends the agent's episode and not the game, which goes on from what is seen now.
+    const bool goes_on = state.ended && !state.must_restart && !new_game;
+    if (!goes_on) envs_->reset(static_cast<std::int64_t>(i), frame(i));
+    stacks_.clear(i);
+    stacks_.push(i, frame(i));
+    state = {.ended = false, .must_restart = false};
+}
+
+void Batch::reset(std::span<const std::optional<std::uint32_t>> seeds, std::span<const bool> mask,
+                  bool new_game, const StepArrays& arrays) {
+    const bool first = envs_ == nullptr;
+    if (first) {
+        std::vector<std::uint32_t> all;
+        for (const auto& seed : seeds) all.push_back(seed.value());
+        make(all);
+    }
+    envs_->for_each([&](std::int64_t index) {
+        const auto i = static_cast<std::size_t>(index);
+        if (mask[i]) {
+            if (seeds[i] && !first) {
+                states_[i] = {};
+                envs_->renew(index, *seeds[i]);
+            }
+            begin_episode(i, new_game);
+        }
+        write_observation(i, arrays.observations);
+        write_infos(i, at_start(i), arrays);
+    });
+}
+
+void Batch::check(const Actions& actions) const {
+    envs().check(actions);
+    const auto refuse = [](std::size_t i, const std::string& what) {
+        throw std::invalid_argument("the action of environment " + std::to_string(i) + " is bad: " + what);
+    };
+    if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
+        const auto n = num_actions(actions_);
+        for (std::size_t i = 0; i < numbers->size(); ++i) {
+            const auto number = (*numbers)[i];
+            if (number < 0 || number >= n)
+                refuse(i, "there is no action " + std::to_string(number) + ", they are 0 to " +
+                              std::to_string(n - 1));
+        }
+    } else {
+        const auto& box = std::get<Box>(actions_);
+        const auto coordinates = std::get<std::span<const float>>(actions);
+        const auto axes = box.low.size();
+        for (std::size_t k = 0; k < coordinates.size(); ++k) {
+            const auto axis = k % axes;
+            if (coordinates[k] >= box.low[axis] && coordinates[k] <= box.high[axis]) continue;
+            refuse(k / axes, (box.names.empty() ? "axis " + std::to_string(axis) : box.names[axis]) + " is " +
+                                 number_text(coordinates[k]) + ", it must lie in [" +
+                                 number_text(box.low[axis]) + ", " + number_text(box.high[axis]) + "]");
+        }
+    }
+    if (autoreset_ == Autoreset::next_step) return;
+    const auto ended =
+        std::ranges::find_if(states_, [](const State& state) { return state.ended || state.must_restart; });
+    if (ended == states_.end()) return;
+    throw std::logic_error("the episode of environment " + std::to_string(ended - states_.begin()) +
+                           " is over: reset it first");
+}
+
+void Batch::step(const Actions& actions, const StepArrays& arrays) {
+    check(actions);
+    envs_->for_each([&](std::int64_t index) { step_one(static_cast<std::size_t>(index), actions, arrays); });
+}
+
+void Batch::step_one(std::size_t i, const Actions& actions, const StepArrays& arrays) {
+    auto& state = states_[i];
+    auto& shown = shown_[i];
+    if (state.ended || state.must_restart) {
+        begin_episode(i, false);
+        shown = at_start(i);
+    } else {
+        shown.result = envs_->step(static_cast<std::int64_t>(i), actions, frame(i));
+        shown.stick = envs_->env(static_cast<std::int64_t>(i)).stick().value_or(StickPosition{});
+        stacks_.push(i, frame(i));
+        state = {.ended = shown.result.terminal || shown.result.truncated,
+                 .must_restart = shown.result.episode_over};
+    }
+    arrays.rewards[i] = shown.result.reward;
+    arrays.terminated[i] = shown.result.terminal;
+    arrays.truncated[i] = shown.result.truncated;
+    const bool begins = state.ended && autoreset_ == Autoreset::same_step;
+    if (begins) {
+        write_observation(i, final_stacks_);
+        begin_episode(i, false);
+    }
+    write_observation(i, arrays.observations);
+    write_infos(i, begins ? at_start(i) : shown, arrays);
+}
+
+void Batch::begin_step(const Actions& actions, const StepArrays& arrays) {
+    check(actions);
+    Actions copied;
+    if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
+        sent_numbers_.assign(numbers->begin(), numbers->end());
+        copied = std::span<const std::int64_t>(sent_numbers_);
+    } else {
+        const auto coordinates = std::get<std::span<const float>>(actions);
+        sent_coordinates_.assign(coordinates.begin(), coordinates.end());
+        copied = std::span<const float>(sent_coordinates_);
+    }
+    if (background_ == nullptr) background_ = std::make_unique<Background>();
+    background_->start([this, copied, arrays] {
+        envs_->for_each(
+            [&](std::int64_t index) { step_one(static_cast<std::size_t>(index), copied, arrays); });
+    });
+}
+
+void Batch::end_step() {
+    background_->wait();
+}
+
+void Batch::write_observation(std::size_t i, std::span<std::uint8_t> observations) const {
+    if (observations.empty()) return;
+    const auto stack = stacks_.data().subspan(i * stack_size_, stack_size_);
+    std::ranges::copy(stack, observations.subspan(i * stack_size_, stack_size_).begin());
+}
+
+Batch::Shown Batch::at_start(std::size_t i) const {
+    const Env& env = envs_->env(static_cast<std::int64_t>(i));
+    return {.result = {.frames = 0, .lives = env.lives()}, .stick = env.stick().value_or(StickPosition{})};
+}
+
+void Batch::write_infos(std::size_t i, const Shown& shown, const StepArrays& arrays) const {
+    const auto& [result, stick] = shown;
+    arrays.episode_over[i] = result.episode_over;
+    arrays.lives[i] = result.lives;
+    arrays.frames[i] = result.frames;
+    arrays.event[i] = result.event;
+    const auto skip = static_cast<std::size_t>(config_.frame_skip);
+    std::copy_n(result.frame_events.begin(), skip, arrays.frame_events.subspan(i * skip, skip).begin());
+    if (arrays.stick.empty()) return;
+    const std::array position{stick.x, stick.y, stick.button};
+    std::ranges::copy(position, arrays.stick.subspan(i * position.size(), position.size()).begin());
+}
+
+void Batch::write_final(std::int64_t index, std::span<std::uint8_t> observation,
+                        const StepArrays& arrays) const {
+    const auto i = static_cast<std::size_t>(index);
+    std::ranges::copy(std::span(final_stacks_).subspan(i * stack_size_, stack_size_), observation.begin());
+    write_infos(i, shown_[i], arrays);
+}
+
+void Batch::write_current(const StepArrays& arrays) const {
+    for (std::size_t i = 0; i < states_.size(); ++i) {
+        write_observation(i, arrays.observations);
+        write_infos(i, at_start(i), arrays);
+    }
+}
+
+std::string Batch::save(std::int64_t index) const {
+    const auto record = envs().record(index);
+    const auto i = static_cast<std::size_t>(index);
+    std::string saved(kMagic);
+    append(saved, course_of_games(config_));
+    append(saved, {states_[i].ended ? "1" : "0"});
+    append(saved, {states_[i].must_restart ? "1" : "0"});
+    append(saved, text_of(stacks_.data().subspan(i * stack_size_, stack_size_)));
+    for (const auto& [name, bytes] : record) {
+        append(saved, name);
+        append(saved, text_of(bytes));
+    }
+    return saved;
+}
+
+void Batch::restore(std::int64_t index, std::string_view saved) {
+    if (!saved.starts_with(kMagic))
+        throw std::invalid_argument("these bytes are no environment that save() returned");
+    saved.remove_prefix(kMagic.size());
+    const auto ours = course_of_games(config_);
+    if (const auto theirs = next(saved); theirs != ours)
+        throw std::invalid_argument("the saved environment has " + difference(ours, theirs));
+    const State state{.ended = next(saved) == "1", .must_restart = next(saved) == "1"};
+    const auto stack = bytes_of(next(saved));
+    if (stack.size() != stack_size_) throw std::invalid_argument("the saved state is cut off or damaged");
+    EpisodeRecord record;
+    while (!saved.empty()) {
+        const std::string name(next(saved));
+        const auto bytes = bytes_of(next(saved));
+        record[name].assign(bytes.begin(), bytes.end());
+    }
+    if (envs_ == nullptr) make(std::vector<std::uint32_t>(states_.size()));
+
+    const auto i = static_cast<std::size_t>(index);
+    states_.at(i) = {};  // to be reset, should this fail
+    envs_->resume(index, record);
+    stacks_.clear(i);
+    for (std::size_t offset = 0; offset < stack.size(); offset += frame_size_)
+        stacks_.push(i, stack.subspan(offset, frame_size_));
+    std::ranges::copy(stack.last(frame_size_), frame(i).begin());
+    states_[i] = state;
+}
+
+}  // namespace cale::python

@@ -1,0 +1,67 @@
+#include "python/evaluated_game.h"
+
+#include <algorithm>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cale/frames.h"
+#include "cale/random_play.h"
+#include "cale/seeds.h"
+
+namespace cale::python {
+
+void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
+    const auto refuse = [&policy](const std::string& what) {
+        throw std::invalid_argument("this policy of " + policy.game + " cannot play there: " + what);
+    };
+    const auto seen = observation_space(env);
+    PolicyInfo same = policy;
+    std::vector<std::int64_t> shape{seen.stack};
+    shape.insert(shape.end(), seen.shape.begin(), seen.shape.end());
+    set_observation(same, shape);
+    if (same.stack != policy.stack || same.frame_height != policy.frame_height ||
+        same.frame_width != policy.frame_width)
+        refuse("it sees other observations; leave obs and frame_stack as the policy's settings have them");
+    const bool continuous = env.action_space == ActionSet::continuous;
+    if (continuous != (policy.action_space == "continuous"))
+        refuse("it was trained with action_space=" + policy.action_space);
+    if (continuous) return;
+    const Env game(env, /*seed=*/0);
+    if (!std::ranges::equal(game.actions(), policy.actions))
+        refuse("it chooses among other joystick events than " + env.game + " has");
+}
+
+PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int64_t number) {
+    Env env(plan.env, derive_seed(plan.seed, "evaluation", number));
+    std::mt19937 noise(derive_seed(plan.seed, "evaluation noise", number));
+    std::mt19937_64 sampling(derive_seed(plan.seed, "evaluation sample", number));
+    auto workspace = policy.workspace();
+    const auto seen = observation_space(plan.env);
+    std::vector<std::uint8_t> frame(static_cast<std::size_t>(seen.frame_size()));
+    FrameStack stack(1, static_cast<std::size_t>(seen.stack), frame.size());
+    env.reset(frame);
+    stack.push(0, frame);
+    PlayedGame game;
+    for (StepResult step; !step.episode_over;) {
+        const auto choice = plan.sampled ? Choice::sampled : Choice::greedy;
+        const auto decision = policy.act(stack.data(), workspace, choice, sampling);
+        const bool at_random =
+            plan.epsilon > 0 && std::uniform_real_distribution<double>()(noise) < plan.epsilon;
+        if (env.actions().empty()) {
+            step = env.step(at_random ? random_stick(policy.info().joystick, noise) : decision.stick, frame);
+        } else {
+            std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env.actions()) - 1);
+            step = env.step(at_random ? any(noise) : decision.action, frame);
+        }
+        if (step.terminal || step.truncated) stack.clear(0);
+        stack.push(0, frame);
+        game.episode_return += step.reward;
+        game.length += 1;
+        game.frames += step.frames;
+    }
+    return game;
+}
+
+}  // namespace cale::python

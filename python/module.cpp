@@ -1,0 +1,554 @@
+// The module cale._core: what cale's Python classes are made of. The GIL is released while environments step,
+// games are played and policies act.
+#include <sys/types.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "cale/games.h"
+#include "policy/policy_lite.h"
+#include "python/batch.h"
+#include "python/evaluated_game.h"
+#include "python/settings.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace cale::python {
+namespace {
+
+template <class Number>
+using Array = nb::ndarray<Number, nb::numpy, nb::c_contig, nb::device::cpu>;
+using Coordinates = Array<const float>;
+using Numbers = Array<const std::int64_t>;
+
+template <class Number>
+std::span<Number> span_of(const Array<Number>& array) {
+    return {array.data(), array.size()};
+}
+template <class Number>
+std::span<Number> span_of(const std::optional<Array<Number>>& array) {
+    return array ? span_of(*array) : std::span<Number>();
+}
+
+/// Returns a new array with these bytes, for NumPy.
+nb::object new_array(std::vector<std::uint8_t> bytes, std::vector<std::size_t> shape) {
+    auto kept = std::make_unique<std::vector<std::uint8_t>>(std::move(bytes));
+    auto* const data = kept->data();
+    const nb::capsule owner(kept.release(), [](void* vector) noexcept {
+        delete static_cast<std::vector<std::uint8_t>*>(vector);
+    });
+    return nb::cast(nb::ndarray<nb::numpy, std::uint8_t>(data, shape.size(), shape.data(), owner));
+}
+
+// ---- settings ------------------------------------------------------------------------------
+
+/// A value as Python has it.
+struct ToPython {
+    template <class Number>
+    nb::object operator()(const std::optional<Number>* value) const {
+        return *value ? nb::cast(**value) : nb::none();
+    }
+    nb::object operator()(const IntegerRange* value) const {
+        return value->low == value->high ? nb::cast(value->low)
+                                         : nb::cast(std::pair(value->low, value->high));
+    }
+    nb::object operator()(const EnumMember& value) const {
+        return nb::cast(std::string(value.names[value.get()]));
+    }
+    template <class Value>
+    nb::object operator()(const Value* value) const {
+        return nb::cast(*value);
+    }
+};
+
+nb::list settings() {
+    EnvConfig config;
+    nb::list result;
+    for (const auto& setting : env_settings(config)) {
+        nb::list choices;
+        if (const auto* const member = std::get_if<EnumMember>(&setting.member))
+            for (const auto name : member->names) choices.append(std::string(name));
+        nb::dict entry;
+        entry["name"] = setting.name;
+        entry["default"] = std::visit(ToPython{}, setting.member);
+        entry["type"] = setting_type(setting.member);
+        entry["range"] = range_text(setting.range);
+        entry["choices"] = nb::tuple(choices);
+        entry["help"] = setting.help;
+        result.append(entry);
+    }
+    return result;
+}
+
+EnvConfig config_of(const nb::dict& texts) {
+    EnvConfig config;
+    for (const auto& [name, text] : texts) {
+        try {
+            set(config, nb::cast<std::string>(name), nb::cast<std::string>(text));
+        } catch (const std::out_of_range& error) {
+            throw nb::type_error(error.what());
+        }
+    }
+    find_game(config.game);
+    return config;
+}
+
+nb::list game_table() {
+    nb::list table;
+    for (const auto& game : games()) {
+        nb::dict row;
+        row["name"] = std::string(game.name);
+        row["rom"] = std::string(game.rom);
+        row["in_atari100k"] = game.in_atari100k;
+        row["random_score"] = game.random_score;
+        row["human_score"] = game.human_score;
+        table.append(row);
+    }
+    return table;
+}
+
+// ---- environments --------------------------------------------------------------------------
+
+/// NumPy's arrays for what a step brings, held as long as environments may write to them.
+struct Arrays {
+    std::optional<Array<std::uint8_t>> observations;
+    Array<double> rewards;
+    Array<bool> terminated, truncated, episode_over;
+    Array<std::int32_t> lives, frames;
+    Array<std::uint8_t> event, frame_events;
+    std::optional<Array<double>> stick;
+
+    /// Throws std::invalid_argument where an array does not have room for the environments of `batch`.
+    StepArrays of(const Batch& batch) const {
+        const auto n = static_cast<std::size_t>(batch.size());
+        const auto skip = static_cast<std::size_t>(batch.config().frame_skip);
+        const bool fit = (!observations || observations->size() == batch.stacks().size()) &&
+                         rewards.size() == n && terminated.size() == n && truncated.size() == n &&
+                         episode_over.size() == n && lives.size() == n && frames.size() == n &&
+                         event.size() == n && frame_events.size() == n * skip &&
+                         (!stick || stick->size() == 3 * n);
+        if (!fit) throw std::invalid_argument("the arrays do not have the size that the environments need");
+        return {.observations = span_of(observations),
+                .rewards = span_of(rewards),
+                .terminated = span_of(terminated),
+                .truncated = span_of(truncated),
+                .episode_over = span_of(episode_over),
+                .lives = span_of(lives),
+                .frames = span_of(frames),
+                .event = span_of(event),
+                .frame_events = span_of(frame_events),
+                .stick = span_of(stick)};
+    }
+};
+
+/// The environments that a Python object holds. Threads may share it: they take turns.
+class Envs {
+  public:
+    Envs(const nb::dict& texts, Autoreset autoreset) {
+        const auto config = config_of(texts);
+        const nb::gil_scoped_release released;
+        batch_ = std::make_unique<Batch>(config, autoreset);
+    }
+    ~Envs() {
+        // The threads of a parent process are not there to be joined in its child.
+        if (process_ != getpid()) static_cast<void>(batch_.release());
+    }
+    Envs(const Envs&) = delete;
+    Envs& operator=(const Envs&) = delete;
+
+    /// Calls work(batch) without the GIL, when no other thread is at it. The lock is given back with the GIL
+    /// held: whoever closes these environments, at the interpreter's end too, waits for threads to have left.
+    template <class Work>
+    auto run(const Work& work) {
+        if (process_ != getpid()) {
+            throw std::runtime_error(
+                "these environments were made before this process was forked, and their threads are not in "
+                "it: "
+                "make them in the process that uses them, or start it by spawn or forkserver");
+        }
+        std::unique_lock lock(mutex_, std::defer_lock);
+        const nb::gil_scoped_release released;
+        lock.lock();
+        if (batch_ == nullptr) throw std::runtime_error("these environments are closed");
+        return work(*batch_);
+    }
+    /// The same of environments that are not stepping in the background.
+    template <class Work>
+    auto run_idle(const Work& work) {
+        return run([&](Batch& batch) {
+            if (sent_) throw std::logic_error("a step is under way: call recv() first");
+            return work(batch);
+        });
+    }
+
+    void send(const Actions& actions, nb::object arrays) {
+        run_idle([&](Batch& batch) {
+            batch.begin_step(actions, nb::cast<const Arrays&>(arrays).of(batch));
+            sent_ = true;
+        });
+        sent_arrays_ = std::move(arrays);
+    }
+    void recv() {
+        const auto arrays = std::move(sent_arrays_);  // until all is written to them
+        run([&](Batch& batch) {
+            if (!sent_) throw std::logic_error("nothing was sent: call send() first");
+            sent_ = false;
+            batch.end_step();
+        });
+    }
+    void close() {
+        if (process_ != getpid()) return;
+        std::unique_lock lock(mutex_, std::defer_lock);
+        const nb::gil_scoped_release released;
+        lock.lock();
+        batch_.reset();
+    }
+
+  private:
+    pid_t process_ = getpid();
+    std::mutex mutex_;
+    nb::object sent_arrays_;
+    bool sent_ = false;
+    std::unique_ptr<Batch> batch_;  // none once closed; the last member, whose threads use the others
+};
+
+nb::object action_space(Envs& envs) {
+    const auto space = envs.run([](Batch& batch) { return batch.action_space(); });
+    if (const auto* const discrete = std::get_if<Discrete>(&space))
+        return nb::make_tuple("discrete", discrete->n, discrete->factors);
+    const auto& box = std::get<Box>(space);
+    return nb::make_tuple("box", box.low, box.high, box.names);
+}
+
+std::vector<std::int64_t> observation_shape(Envs& envs) {
+    const auto space = envs.run([](Batch& batch) { return batch.observation_space(); });
+    std::vector<std::int64_t> shape{space.stack};
+    shape.insert(shape.end(), space.shape.begin(), space.shape.end());
+    return shape;
+}
+
+nb::object stacks(nb::handle_t<Envs> self) {
+    auto& envs = nb::cast<Envs&>(self);
+    const auto shape = observation_shape(envs);
+    std::vector<std::size_t> extents{0};
+    extents.insert(extents.end(), shape.begin(), shape.end());
+    auto* const data = envs.run([&](Batch& batch) {
+        extents.front() = static_cast<std::size_t>(batch.size());
+        return const_cast<std::uint8_t*>(batch.stacks().data());
+    });
+    return nb::cast(nb::ndarray<nb::numpy, std::uint8_t>(data, extents.size(), extents.data(), self));
+}
+
+void bind_environments(nb::module_& m) {
+    nb::class_<Arrays>(m, "Arrays", "NumPy arrays for what a step brings.")
+        .def(
+            "__init__",
+            [](Arrays* self, std::optional<Array<std::uint8_t>> observations, Array<double> rewards,
+               Array<bool> terminated, Array<bool> truncated, Array<bool> episode_over,
+               Array<std::int32_t> lives, Array<std::int32_t> frames, Array<std::uint8_t> event,
+               Array<std::uint8_t> frame_events, std::optional<Array<double>> stick) {
+                new (self) Arrays{std::move(observations), std::move(rewards),      std::move(terminated),
+                                  std::move(truncated),    std::move(episode_over), std::move(lives),
+                                  std::move(frames),       std::move(event),        std::move(frame_events),
+                                  std::move(stick)};
+            },
+            "observations"_a.none(), "rewards"_a, "terminated"_a, "truncated"_a, "episode_over"_a, "lives"_a,
+            "frames"_a, "event"_a, "frame_events"_a, "stick"_a.none());
+
+    nb::enum_<Autoreset>(m, "Autoreset", "When the next episode begins.")
+        .value("NEXT_STEP", Autoreset::next_step)
+        .value("SAME_STEP", Autoreset::same_step)
+        .value("DISABLED", Autoreset::disabled);
+
+    nb::class_<Envs>(m, "Envs", "N environments that step together.")
+        .def(nb::init<const nb::dict&, Autoreset>(), "settings"_a, "autoreset"_a)
+        .def_prop_ro("action_space", action_space,
+                     "('discrete', n, factors) or ('box', low, high, names), of one environment.")
+        .def_prop_ro("observation_shape", observation_shape, "The shape of one environment's observation.")
+        .def_prop_ro(
+            "num_envs", [](Envs& envs) { return envs.run([](Batch& batch) { return batch.size(); }); },
+            "How many there are.")
+        .def_prop_ro(
+            "frame_skip",
+            [](Envs& envs) { return envs.run([](Batch& batch) { return batch.config().frame_skip; }); },
+            "Emulated frames per agent step.")
+        .def_prop_ro(
+            "has_stick", [](Envs& envs) { return envs.run([](Batch& batch) { return batch.has_stick(); }); },
+            "Whether the joystick moves, so that it has a position.")
+        .def_prop_ro("stacks", stacks, "The newest observations: a view that the next step overwrites.")
+        .def(
+            "reset",
+            [](Envs& envs, const std::vector<std::optional<std::uint32_t>>& seeds,
+               const Array<const bool>& mask, bool new_game, const Arrays& arrays) {
+                envs.run_idle([&](Batch& batch) {
+                    const auto n = static_cast<std::size_t>(batch.size());
+                    if (seeds.size() != n || mask.size() != n)
+                        throw std::invalid_argument("a reset needs a seed and a mask for each environment");
+                    batch.reset(seeds, span_of(mask), new_game, arrays.of(batch));
+                });
+            },
+            "seeds"_a, "mask"_a, "new_game"_a, "arrays"_a, "Begins episodes where the mask is true.")
+        .def(
+            "step",
+            [](Envs& envs, const Coordinates& actions, const Arrays& arrays) {
+                envs.run_idle([&](Batch& batch) { batch.step(span_of(actions), arrays.of(batch)); });
+            },
+            "actions"_a.noconvert(), "arrays"_a, "One agent step of all environments.")
+        .def(
+            "step",
+            [](Envs& envs, const Numbers& actions, const Arrays& arrays) {
+                envs.run_idle([&](Batch& batch) { batch.step(span_of(actions), arrays.of(batch)); });
+            },
+            "actions"_a.noconvert(), "arrays"_a)
+        .def(
+            "send",
+            [](Envs& envs, const Coordinates& actions, nb::handle_t<Arrays> arrays) {
+                envs.send(span_of(actions), nb::borrow(arrays));
+            },
+            "actions"_a.noconvert(), "arrays"_a, "Begins a step in the background.")
+        .def(
+            "send",
+            [](Envs& envs, const Numbers& actions, nb::handle_t<Arrays> arrays) {
+                envs.send(span_of(actions), nb::borrow(arrays));
+            },
+            "actions"_a.noconvert(), "arrays"_a)
+        .def("recv", &Envs::recv, "Waits until the arrays that were sent are written.")
+        .def(
+            "final",
+            [](Envs& envs, std::int64_t index, const Array<std::uint8_t>& observation, const Arrays& arrays) {
+                envs.run_idle(
+                    [&](Batch& batch) { batch.write_final(index, span_of(observation), arrays.of(batch)); });
+            },
+            "index"_a, "observation"_a, "arrays"_a,
+            "Writes what the newest step showed of an episode that ended in it.")
+        .def(
+            "current",
+            [](Envs& envs, const Arrays& arrays) {
+                envs.run_idle([&](Batch& batch) { batch.write_current(arrays.of(batch)); });
+            },
+            "arrays"_a, "Writes what all environments show now.")
+        .def(
+            "save",
+            [](Envs& envs, std::int64_t index) {
+                const auto saved = envs.run_idle([&](Batch& batch) { return batch.save(index); });
+                return nb::bytes(saved.data(), saved.size());
+            },
+            "index"_a, "All that the future of an environment depends on.")
+        .def(
+            "restore",
+            [](Envs& envs, std::int64_t index, const nb::bytes& saved) {
+                envs.run_idle([&](Batch& batch) { batch.restore(index, {saved.c_str(), saved.size()}); });
+            },
+            "index"_a, "saved"_a, "Continues as the environment that was saved.")
+        .def(
+            "screen",
+            [](Envs& envs, std::int64_t index) {
+                std::vector<std::uint8_t> pixels;
+                const auto height = envs.run_idle([&](Batch& batch) {
+                    const Env& env = batch.env(index);
+                    env.screen_rgb(pixels);
+                    return static_cast<std::size_t>(env.screen_height());
+                });
+                const auto width = pixels.size() / 3 / height;
+                return new_array(std::move(pixels), {height, width, 3});
+            },
+            "index"_a, "The game's screen in colour.")
+        .def(
+            "ram",
+            [](Envs& envs, std::int64_t index) {
+                auto bytes = envs.run_idle([&](Batch& batch) {
+                    const auto ram = batch.env(index).ram();
+                    return std::vector<std::uint8_t>(ram.begin(), ram.end());
+                });
+                return new_array(std::move(bytes), {kRamSize});
+            },
+            "index"_a, "The console's 128 bytes of memory.")
+        .def(
+            "frame_number",
+            [](Envs& envs, std::int64_t index) {
+                return envs.run_idle([&](Batch& batch) { return batch.env(index).frame_number(); });
+            },
+            "index"_a, "Frames emulated since the ROM was loaded.")
+        .def(
+            "events",
+            [](Envs& envs, std::int64_t index) {
+                const auto events = envs.run_idle([&](Batch& batch) {
+                    const auto actions = batch.env(index).actions();
+                    return std::vector<Event>(actions.begin(), actions.end());
+                });
+                std::vector<std::string> names;
+                for (const auto event : events) names.emplace_back(event_name(event));
+                return names;
+            },
+            "index"_a, "The joystick events of discrete actions.")
+        .def("close", &Envs::close, "Waits for a step that is under way, and ends the environments.");
+}
+
+// ---- policies ------------------------------------------------------------------------------
+
+constexpr std::size_t kRows = 8;  // observations that share a pass over the weights
+
+/// A policy and what it draws from. Threads may share it: they take turns.
+struct PolicyInUse {
+    explicit PolicyInUse(lite::Policy loaded)
+        : policy(std::move(loaded)), workspace(policy.workspace(kRows)) {}
+
+    lite::Policy policy;
+    lite::Workspace workspace;
+    std::mt19937_64 random{0};
+    std::mutex mutex;
+};
+
+Choice choice_of(const std::string& name) {
+    if (name == "greedy") return Choice::greedy;
+    if (name == "sampled") return Choice::sampled;
+    if (name == "as_evaluated") return Choice::as_evaluated;
+    throw std::invalid_argument("choice must be one of greedy, sampled, as_evaluated, not '" + name + "'");
+}
+
+void check_observations(const PolicyInUse& self, const Array<const std::uint8_t>& observations,
+                        std::size_t count) {
+    if (observations.size() == count * self.policy.info().observation_size()) return;
+    throw std::invalid_argument("the observations have another shape than the policy's");
+}
+
+void act(PolicyInUse& self, const Array<const std::uint8_t>& observations, const std::string& choice,
+         const Array<float>& sticks, const Array<std::int64_t>& actions, const Array<std::uint8_t>& events) {
+    const auto count = actions.size();
+    check_observations(self, observations, count);
+    if (sticks.size() != 3 * count || events.size() != count)
+        throw std::invalid_argument("the arrays for the actions have other sizes");
+    const auto chosen = choice_of(choice);
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(self.mutex);
+    std::vector<Decision> decisions(count);
+    self.policy.act(span_of(observations), decisions, self.workspace, chosen, self.random);
+    for (std::size_t i = 0; i < count; ++i) {
+        const auto& [stick, action, event, strength] = decisions[i];
+        sticks.data()[3 * i] = stick.radius;
+        sticks.data()[3 * i + 1] = stick.theta;
+        sticks.data()[3 * i + 2] = stick.fire;
+        actions.data()[i] = action;
+        events.data()[i] = static_cast<std::uint8_t>(event);
+    }
+}
+
+void output(PolicyInUse& self, const Array<const std::uint8_t>& observations, const Array<float>& numbers) {
+    const auto size = self.policy.output_size();
+    const auto count = numbers.size() / size;
+    check_observations(self, observations, count);
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(self.mutex);
+    const auto bytes = self.policy.info().observation_size();
+    for (std::size_t i = 0; i < count; ++i) {
+        const auto row = self.policy.output(span_of(observations).subspan(i * bytes, bytes), self.workspace);
+        std::ranges::copy(row, numbers.data() + i * size);
+    }
+}
+
+nb::dict info_of(const PolicyInUse& self) {
+    const auto& info = self.policy.info();
+    nb::dict result;
+    result["game"] = info.game;
+    result["agent"] = info.agent;
+    result["encoder"] = info.encoder;
+    result["action_space"] = info.action_space;
+    result["joystick"] = std::string(names_of(info.joystick)[static_cast<std::size_t>(info.joystick)]);
+    nb::list actions;
+    for (const auto event : info.actions) actions.append(std::string(event_name(event)));
+    result["actions"] = actions;
+    result["threshold"] = info.threshold;
+    result["observation_shape"] =
+        info.frame_height == 1 ? nb::object(nb::make_tuple(info.stack, info.frame_width))
+                               : nb::object(nb::make_tuple(info.stack, info.frame_height, info.frame_width));
+    result["frame_skip"] = info.frame_skip;
+    result["life_loss_ends_episode"] = info.life_loss_ends_episode;
+    result["evaluation_samples"] = info.evaluation_samples;
+    result["epsilon"] = info.epsilon;
+    nb::dict provenance;
+    for (const auto& [name, text] : info.provenance) provenance[name.c_str()] = text;
+    result["provenance"] = provenance;
+    return result;
+}
+
+void bind_policies(nb::module_& m) {
+    nb::class_<PolicyInUse>(m, "Policy", "A trained policy.")
+        .def(
+            "__init__",
+            [](PolicyInUse* self, const std::string& file) {
+                new (self) PolicyInUse(lite::Policy::load(file));
+            },
+            "file"_a)
+        .def_prop_ro("info", info_of, "All but the weights.")
+        .def_prop_ro(
+            "output_size", [](const PolicyInUse& self) { return self.policy.output_size(); },
+            "Numbers that the network gives for an observation.")
+        .def_prop_ro(
+            "gives_action_values", [](const PolicyInUse& self) { return self.policy.gives_action_values(); },
+            "Whether these are action values.")
+        .def(
+            "seed", [](PolicyInUse& self, std::uint64_t seed) { self.random.seed(seed); }, "seed"_a,
+            "Seeds what actions are drawn from.")
+        .def("act", act, "observations"_a, "choice"_a, "sticks"_a, "actions"_a, "events"_a,
+             "Writes a decision for each observation.")
+        .def("output", output, "observations"_a, "numbers"_a, "Writes the network's output.");
+
+    m.def(
+        "play_game",
+        [](const PolicyInUse& policy, const nb::dict& texts, double epsilon, bool sampled, std::uint64_t seed,
+           std::int64_t number) {
+            const GamePlan plan{
+                .env = config_of(texts), .epsilon = epsilon, .sampled = sampled, .seed = seed};
+            const nb::gil_scoped_release released;
+            const auto game = play_game(policy.policy, plan, number);
+            return std::tuple(game.episode_return, game.length, game.frames);
+        },
+        "policy"_a, "settings"_a, "epsilon"_a, "sampled"_a, "seed"_a, "number"_a,
+        "Plays a game from its beginning to its end: its return, agent steps and frames.");
+    m.def(
+        "require_playable",
+        [](const PolicyInUse& policy, const nb::dict& texts) {
+            require_playable(policy.policy.info(), config_of(texts));
+        },
+        "policy"_a, "settings"_a, "Refuses an environment that the policy cannot act in.");
+    m.def(
+        "instruction_set", [] { return std::string(lite::instruction_set()); },
+        "What policies are computed with on this machine.");
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+    m.doc() = "What cale's Python classes are made of.";
+    // Objects of threads that are still at work when the interpreter ends are no leak.
+    nb::set_leak_warnings(false);
+    m.def("games", game_table, "The sixty games: names and reference scores.");
+    m.def("settings", settings, "The settings of an environment: name, default, type, range, choices, help.");
+    m.def(
+        "check_settings", [](const nb::dict& texts) { config_of(texts); }, "settings"_a,
+        "Refuses settings that are not allowed.");
+    bind_environments(m);
+    bind_policies(m);
+}
+
+}  // namespace cale::python

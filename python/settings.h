@@ -1,0 +1,31 @@
+// The settings of an environment by name, as keyword arguments need them.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "cale/env.h"
+#include "cale/setting.h"
+
+namespace cale::python {
+
+/// A setting of EnvConfig. Its member refers to the configuration that it was made from.
+struct EnvSetting {
+    std::string name;  // "threshold"
+    std::string help;  // its sentence
+    Range range;       // of numbers
+    SettingMember member;
+};
+
+/// Returns the settings of `config` in the table's order.
+std::vector<EnvSetting> env_settings(EnvConfig& config);
+
+/// Reads a setting from text, as YAML and the command line do. Throws std::out_of_range for an unknown name
+/// and std::invalid_argument for a value that is not allowed, both with the sentence to show.
+void set(EnvConfig& config, std::string_view name, std::string_view text);
+
+/// Returns a text that two configurations share if and only if their games take the same course.
+std::string course_of_games(const EnvConfig& config);
+
+}  // namespace cale::python

@@ -1,0 +1,162 @@
+"""Trained policies: acting by one, and playing games with it."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cale import _core
+from cale._env import Env
+from cale._settings import texts_of
+from cale._vector_env import VectorEnv
+
+_EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
+
+
+class Policy:
+    """A trained policy, from a file that `cale export` made (docs/policy_file.md). It is computed without any
+    other library; opening a file executes nothing of it.
+
+    seed: of the actions that are drawn.
+    """
+
+    def __init__(self, file: str | os.PathLike[str], *, seed: int = 0) -> None:
+        self._core = _core.Policy(os.fspath(file))
+        self._core.seed(seed)
+        self.file = Path(file)
+        self.info: dict[str, Any] = self._core.info
+
+    def act(self, observations: Any, choice: str = "greedy") -> np.ndarray:
+        """Returns an action for each of N observations, or the action for one: as an environment with
+        `settings` takes them. Those of the continuous joystick are (r, theta, fire), whatever coordinates the
+        network chooses.
+
+        choice: "greedy", "sampled" (drawn from the policy), or "as_evaluated", as its training's evaluations did.
+        """
+        batch, single = self._batch(observations)
+        count = len(batch)
+        sticks, actions, events = np.empty((count, 3), np.float32), np.empty(count, np.int64), np.empty(count, np.uint8)
+        self._core.act(batch, choice, sticks, actions, events)
+        if not self.info["actions"]:
+            result = sticks
+        elif self.info["joystick"] == "factored":
+            result = np.stack(np.unravel_index(actions, _EVENTS_OF_FACTORS), axis=1)
+        else:
+            result = actions
+        return result[0] if single else result
+
+    def output(self, observations: Any) -> np.ndarray:
+        """Returns what the network gives for each observation: means and logarithms of standard deviations of
+        the joystick's coordinates before the tanh, log-probabilities of actions, or their values."""
+        batch, single = self._batch(observations)
+        numbers = np.empty((len(batch), self._core.output_size), np.float32)
+        self._core.output(batch, numbers)
+        return numbers[0] if single else numbers
+
+    def values(self, observations: Any) -> np.ndarray:
+        """Returns the value of the best action for each observation. Throws TypeError for a policy that knows no
+        values."""
+        if not self._core.gives_action_values:
+            raise TypeError(f"the policies of {self.info['agent']} know no action values")
+        return self.output(observations).max(axis=-1)
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """Returns the settings of the environment that the policy was trained in: of `cale.make_vec` and `Env`."""
+        settings = settings_in(self.info["provenance"].get("config", ""))
+        if not settings:
+            raise ValueError(f"{self.file} does not say which settings it was trained with")
+        for name in ("rom_dir", "num_envs", "env_threads"):
+            settings.pop(name, None)
+        if not self.info["actions"]:
+            settings["joystick"] = "polar"  # act() returns (r, theta, fire)
+        return settings
+
+    def make_vec(self, num_envs: int = 1, **changes: Any) -> VectorEnv:
+        """Returns N environments like the one that the policy was trained in, with `changes`."""
+        return VectorEnv(num_envs=num_envs, **{**self.settings, **changes})
+
+    def make_env(self, **changes: Any) -> Env:
+        """Returns one of them."""
+        return Env(**{**self.settings, **changes})
+
+    def __repr__(self) -> str:
+        return f"Policy({str(self.file)!r}): {self.info['agent']} on {self.info['game']}"
+
+    def _batch(self, observations: Any) -> tuple[np.ndarray, bool]:
+        """Returns the observations as N of them, and whether they were one."""
+        shape = tuple(self.info["observation_shape"])
+        array = np.asarray(observations)
+        if array.dtype != np.uint8 or array.shape[-len(shape):] != shape or array.ndim > len(shape) + 1:
+            raise ValueError(f"observations are uint8 [N, {', '.join(map(str, shape))}], "
+                             f"not {array.dtype} {list(array.shape)}")
+        single = array.ndim == len(shape)
+        return np.ascontiguousarray(array[np.newaxis] if single else array), single
+
+
+def settings_in(config: str) -> dict[str, str]:
+    """Returns the environment's settings in a run's configuration, as `train_*` writes it into a policy's file:
+    the lines `  name: value` below `env:`."""
+    settings: dict[str, str] = {}
+    section = ""
+    for line in config.splitlines():
+        if not line.startswith(" "):
+            section = line
+        elif section == "env:" and not line.lstrip().startswith("#"):
+            name, _, value = line.strip().partition(": ")
+            settings[name] = value.strip('"')
+    return settings
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Games played by a policy: an entry of each array is a game, by its number."""
+
+    returns: np.ndarray
+    """undiscounted, neither clipped nor scaled"""
+    lengths: np.ndarray
+    """agent steps"""
+    frames: np.ndarray
+    """emulated"""
+
+    @property
+    def mean(self) -> float:
+        """The mean return."""
+        return float(self.returns.mean())
+
+    @property
+    def standard_deviation(self) -> float:
+        """Of the returns, divided by n."""
+        return float(self.returns.std())
+
+
+def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed: int = 1, epsilon: float = 0.001,
+             noop_max: int = 29, sampled: bool | None = None, threads: int | None = None,
+             **changes: Any) -> Evaluation:
+    """Plays whole games with a policy, without learning, as `cale evaluate` does: in the environment that it was
+    trained in, with `changes`. Game i follows from `seed` and i alone.
+
+    epsilon: probability of a uniformly random action instead of the policy's.
+    noop_max: a game begins with 0 to this many no-op agent steps.
+    sampled: whether actions are drawn from the policy; None: as its training's evaluations did.
+    threads: games under way at a time; None: as many as there are cores.
+    """
+    policy = policy if isinstance(policy, Policy) else Policy(policy)
+    if games < 1:
+        raise ValueError(f"games is {games}: it must be at least 1")
+    if not 0 <= epsilon <= 1:
+        raise ValueError(f"epsilon is {epsilon}: it must lie in [0, 1]")
+    life_loss = "true" if policy.info["life_loss_ends_episode"] else "false"  # what the policy sees depends on it
+    texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
+    _core.require_playable(policy._core, texts)
+    drawn = policy.info["evaluation_samples"] if sampled is None else sampled
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        results = list(pool.map(
+            lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
+    returns, lengths, frames = (np.array(column) for column in zip(*results))
+    return Evaluation(returns, lengths, frames)
