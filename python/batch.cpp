@@ -101,7 +101,7 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
       stack_size_(frame_size_ * static_cast<std::size_t>(seen_.stack)),
       stacks_(static_cast<std::size_t>(config.num_envs), static_cast<std::size_t>(seen_.stack), frame_size_),
       frames_(static_cast<std::size_t>(config.num_envs) * frame_size_),
-      shown_(static_cast<std::size_t>(config.num_envs)),
+      newest_(static_cast<std::size_t>(config.num_envs)),
       states_(static_cast<std::size_t>(config.num_envs)) {
     auto one = config;
     one.num_envs = 1;
@@ -112,6 +112,9 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
 
 bool Batch::has_stick() const {
     return moves(config_.motion);
+}
+bool Batch::has_paddle() const {
+    return config_.paddle == Paddle::absolute;
 }
 
 VectorEnv& Batch::envs() const {
@@ -200,27 +203,26 @@ void Batch::step(const Actions& actions, const StepArrays& arrays) {
 
 void Batch::step_one(std::size_t i, const Actions& actions, const StepArrays& arrays) {
     auto& state = states_[i];
-    auto& shown = shown_[i];
+    auto& newest = newest_[i];
     if (state.ended || state.must_restart) {
         begin_episode(i, false);
-        shown = at_start(i);
+        newest = at_start(i);
     } else {
-        shown.result = envs_->step(static_cast<std::int64_t>(i), actions, frame(i));
-        shown.stick = envs_->env(static_cast<std::int64_t>(i)).stick().value_or(StickPosition{});
+        newest = shown(i, envs_->step(static_cast<std::int64_t>(i), actions, frame(i)));
         stacks_.push(i, frame(i));
-        state = {.ended = shown.result.terminal || shown.result.truncated,
-                 .must_restart = shown.result.episode_over};
+        state = {.ended = newest.result.terminal || newest.result.truncated,
+                 .must_restart = newest.result.episode_over};
     }
-    arrays.rewards[i] = shown.result.reward;
-    arrays.terminated[i] = shown.result.terminal;
-    arrays.truncated[i] = shown.result.truncated;
+    arrays.rewards[i] = newest.result.reward;
+    arrays.terminated[i] = newest.result.terminal;
+    arrays.truncated[i] = newest.result.truncated;
     const bool begins = state.ended && autoreset_ == Autoreset::same_step;
     if (begins) {
         write_observation(i, final_stacks_);
         begin_episode(i, false);
     }
     write_observation(i, arrays.observations);
-    write_infos(i, begins ? at_start(i) : shown, arrays);
+    write_infos(i, begins ? at_start(i) : newest, arrays);
 }
 
 void Batch::begin_step(const Actions& actions, const StepArrays& arrays) {
@@ -251,29 +253,33 @@ void Batch::write_observation(std::size_t i, std::span<std::uint8_t> observation
     std::ranges::copy(stack, observations.subspan(i * stack_size_, stack_size_).begin());
 }
 
-Batch::Shown Batch::at_start(std::size_t i) const {
+Batch::Shown Batch::shown(std::size_t i, const StepResult& result) const {
     const Env& env = envs_->env(static_cast<std::int64_t>(i));
-    return {.result = {.frames = 0, .lives = env.lives()}, .stick = env.stick().value_or(StickPosition{})};
+    return {result, env.stick().value_or(StickPosition{}), env.paddle().value_or(0)};
+}
+Batch::Shown Batch::at_start(std::size_t i) const {
+    return shown(i, {.frames = 0, .lives = envs_->env(static_cast<std::int64_t>(i)).lives()});
 }
 
 void Batch::write_infos(std::size_t i, const Shown& shown, const StepArrays& arrays) const {
-    const auto& [result, stick] = shown;
+    const auto& [result, stick, paddle] = shown;
     arrays.episode_over[i] = result.episode_over;
     arrays.lives[i] = result.lives;
     arrays.frames[i] = result.frames;
     arrays.event[i] = result.event;
     const auto skip = static_cast<std::size_t>(config_.frame_skip);
     std::copy_n(result.frame_events.begin(), skip, arrays.frame_events.subspan(i * skip, skip).begin());
-    if (arrays.stick.empty()) return;
     const std::array position{stick.x, stick.y, stick.button};
-    std::ranges::copy(position, arrays.stick.subspan(i * position.size(), position.size()).begin());
+    if (!arrays.stick.empty())
+        std::ranges::copy(position, arrays.stick.subspan(i * position.size(), position.size()).begin());
+    if (!arrays.paddle.empty()) arrays.paddle[i] = paddle;
 }
 
 void Batch::write_final(std::int64_t index, std::span<std::uint8_t> observation,
                         const StepArrays& arrays) const {
     const auto i = static_cast<std::size_t>(index);
     std::ranges::copy(std::span(final_stacks_).subspan(i * stack_size_, stack_size_), observation.begin());
-    write_infos(i, shown_[i], arrays);
+    write_infos(i, newest_[i], arrays);
 }
 
 void Batch::write_current(const StepArrays& arrays) const {

@@ -36,6 +36,7 @@ struct StepArrays {
     std::span<std::uint8_t> event;         // the joystick event
     std::span<std::uint8_t> frame_events;  // N x frame_skip: what the console saw in each frame
     std::span<double> stick;               // N x 3, x, y and the button; empty: not asked for
+    std::span<double> paddle;              // where it is, 0 to 1; empty: not asked for
 };
 
 /// Runs one task at a time on a thread of its own.
@@ -71,8 +72,10 @@ class Batch {
     const EnvConfig& config() const { return config_; }                  // as given
     const ActionSpace& action_space() const { return actions_; }         // of one environment
     const ObservationSpace& observation_space() const { return seen_; }  // likewise
-    /// Whether StepArrays::stick can be asked for.
+    /// Whether StepArrays::stick can be asked for: the joystick moves.
     bool has_stick() const;
+    /// Whether StepArrays::paddle can be asked for: actions place it.
+    bool has_paddle() const;
 
     /// N x stack x frame_size bytes: the newest observations, overwritten by the next step.
     std::span<const std::uint8_t> stacks() const { return stacks_.data(); }
@@ -114,11 +117,13 @@ class Batch {
     struct Shown {
         StepResult result;
         StickPosition stick;
+        double paddle = 0;
     };
     void make(std::span<const std::uint32_t> seeds);
     void begin_episode(std::size_t i, bool new_game);
     void step_one(std::size_t i, const Actions& actions, const StepArrays& arrays);
     void check(const Actions& actions) const;
+    Shown shown(std::size_t i, const StepResult& result) const;
     Shown at_start(std::size_t i) const;
     void write_infos(std::size_t i, const Shown& shown, const StepArrays& arrays) const;
     void write_observation(std::size_t i, std::span<std::uint8_t> observations) const;
@@ -136,7 +141,7 @@ class Batch {
     FrameStack stacks_;
     std::vector<std::uint8_t> frames_;        // N x frame_size: the newest
     std::vector<std::uint8_t> final_stacks_;  // as stacks_, of episodes that ended in the newest step
-    std::vector<Shown> shown_;  // by the newest step, before the next episode began in it
+    std::vector<Shown> newest_;               // by the newest step, before the next episode began in it
     struct State {
         bool ended = false;        // the agent's episode; a new one has not begun
         bool must_restart = true;  // with a new game

@@ -136,7 +136,7 @@ struct Arrays {
     Array<bool> terminated, truncated, episode_over;
     Array<std::int32_t> lives, frames;
     Array<std::uint8_t> event, frame_events;
-    std::optional<Array<double>> stick;
+    std::optional<Array<double>> stick, paddle;
 
     /// Throws std::invalid_argument where an array does not have room for the environments of `batch`.
     StepArrays of(const Batch& batch) const {
@@ -146,7 +146,7 @@ struct Arrays {
                          rewards.size() == n && terminated.size() == n && truncated.size() == n &&
                          episode_over.size() == n && lives.size() == n && frames.size() == n &&
                          event.size() == n && frame_events.size() == n * skip &&
-                         (!stick || stick->size() == 3 * n);
+                         (!stick || stick->size() == 3 * n) && (!paddle || paddle->size() == n);
         if (!fit) throw std::invalid_argument("the arrays do not have the size that the environments need");
         return {.observations = span_of(observations),
                 .rewards = span_of(rewards),
@@ -157,7 +157,8 @@ struct Arrays {
                 .frames = span_of(frames),
                 .event = span_of(event),
                 .frame_events = span_of(frame_events),
-                .stick = span_of(stick)};
+                .stick = span_of(stick),
+                .paddle = span_of(paddle)};
     }
 };
 
@@ -266,14 +267,15 @@ void bind_environments(nb::module_& m) {
             [](Arrays* self, std::optional<Array<std::uint8_t>> observations, Array<double> rewards,
                Array<bool> terminated, Array<bool> truncated, Array<bool> episode_over,
                Array<std::int32_t> lives, Array<std::int32_t> frames, Array<std::uint8_t> event,
-               Array<std::uint8_t> frame_events, std::optional<Array<double>> stick) {
+               Array<std::uint8_t> frame_events, std::optional<Array<double>> stick,
+               std::optional<Array<double>> paddle) {
                 new (self) Arrays{std::move(observations), std::move(rewards),      std::move(terminated),
                                   std::move(truncated),    std::move(episode_over), std::move(lives),
                                   std::move(frames),       std::move(event),        std::move(frame_events),
-                                  std::move(stick)};
+                                  std::move(stick),        std::move(paddle)};
             },
             "observations"_a.none(), "rewards"_a, "terminated"_a, "truncated"_a, "episode_over"_a, "lives"_a,
-            "frames"_a, "event"_a, "frame_events"_a, "stick"_a.none());
+            "frames"_a, "event"_a, "frame_events"_a, "stick"_a.none(), "paddle"_a.none());
 
     nb::enum_<Autoreset>(m, "Autoreset", "When the next episode begins.")
         .value("NEXT_STEP", Autoreset::next_step)
@@ -295,6 +297,10 @@ void bind_environments(nb::module_& m) {
         .def_prop_ro(
             "has_stick", [](Envs& envs) { return envs.run([](Batch& batch) { return batch.has_stick(); }); },
             "Whether the joystick moves, so that it has a position.")
+        .def_prop_ro(
+            "has_paddle",
+            [](Envs& envs) { return envs.run([](Batch& batch) { return batch.has_paddle(); }); },
+            "Whether actions place the paddle.")
         .def_prop_ro("stacks", stacks, "The newest observations: a view that the next step overwrites.")
         .def(
             "reset",
@@ -432,24 +438,28 @@ void check_observations(const PolicyInUse& self, const Array<const std::uint8_t>
     throw std::invalid_argument("the observations have another shape than the policy's");
 }
 
+/// The coordinates that act() writes of the continuous joystick: those of an environment with the policy's
+/// settings, but for cartesian ones and directions, whose way through (r, theta, fire) and back rounds.
+Joystick written_coordinates(const PolicyInfo& info) {
+    return info.joystick == Joystick::paddle ? Joystick::paddle : Joystick::polar;
+}
+
 void act(PolicyInUse& self, const Array<const std::uint8_t>& observations, const std::string& choice,
-         const Array<float>& sticks, const Array<std::int64_t>& actions, const Array<std::uint8_t>& events) {
+         const Array<float>& coordinates, const Array<std::int64_t>& actions) {
     const auto count = actions.size();
+    const auto joystick = written_coordinates(self.policy.info());
+    const auto axes = stick_coordinates(joystick).size();
     check_observations(self, observations, count);
-    if (sticks.size() != 3 * count || events.size() != count)
-        throw std::invalid_argument("the arrays for the actions have other sizes");
+    if (coordinates.size() != axes * count)
+        throw std::invalid_argument("the array for the coordinates has another size");
     const auto chosen = choice_of(choice);
     const nb::gil_scoped_release released;
     const std::lock_guard lock(self.mutex);
     std::vector<Decision> decisions(count);
     self.policy.act(span_of(observations), decisions, self.workspace, chosen, self.random);
     for (std::size_t i = 0; i < count; ++i) {
-        const auto& [stick, action, event, strength] = decisions[i];
-        sticks.data()[3 * i] = stick.radius;
-        sticks.data()[3 * i + 1] = stick.theta;
-        sticks.data()[3 * i + 2] = stick.fire;
-        actions.data()[i] = action;
-        events.data()[i] = static_cast<std::uint8_t>(event);
+        std::ranges::copy(coordinates_of(joystick, decisions[i].stick), coordinates.data() + axes * i);
+        actions.data()[i] = decisions[i].action;
     }
 }
 
@@ -504,12 +514,18 @@ void bind_policies(nb::module_& m) {
             "output_size", [](const PolicyInUse& self) { return self.policy.output_size(); },
             "Numbers that the network gives for an observation.")
         .def_prop_ro(
+            "axes",
+            [](const PolicyInUse& self) {
+                return stick_coordinates(written_coordinates(self.policy.info())).size();
+            },
+            "Coordinates of the continuous joystick that act() writes.")
+        .def_prop_ro(
             "gives_action_values", [](const PolicyInUse& self) { return self.policy.gives_action_values(); },
             "Whether these are action values.")
         .def(
             "seed", [](PolicyInUse& self, std::uint64_t seed) { self.random.seed(seed); }, "seed"_a,
             "Seeds what actions are drawn from.")
-        .def("act", act, "observations"_a, "choice"_a, "sticks"_a, "actions"_a, "events"_a,
+        .def("act", act, "observations"_a, "choice"_a, "coordinates"_a, "actions"_a,
              "Writes a decision for each observation.")
         .def("output", output, "observations"_a, "numbers"_a, "Writes the network's output.");
 

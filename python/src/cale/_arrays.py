@@ -57,7 +57,8 @@ class ActionReader:
 class StepArrays:
     """NumPy's arrays for what one step of all environments brings."""
 
-    def __init__(self, num_envs: int, observations: np.ndarray | None, frame_skip: int, has_stick: bool) -> None:
+    def __init__(self, num_envs: int, observations: np.ndarray | None, frame_skip: int, has_stick: bool,
+                 has_paddle: bool) -> None:
         self.rewards = np.zeros(num_envs)
         self.terminated = np.zeros(num_envs, np.bool_)
         self.truncated = np.zeros(num_envs, np.bool_)
@@ -67,8 +68,9 @@ class StepArrays:
         self.event = np.empty(num_envs, np.uint8)
         self.frame_events = np.empty((num_envs, frame_skip), np.uint8)
         self.stick = np.empty((num_envs, 3)) if has_stick else None
+        self.paddle = np.empty(num_envs) if has_paddle else None
         self.core = _core.Arrays(observations, self.rewards, self.terminated, self.truncated, self.episode_over,
-                                 self.lives, self.frames, self.event, self.frame_events, self.stick)
+                                 self.lives, self.frames, self.event, self.frame_events, self.stick, self.paddle)
 
     def infos(self) -> dict[str, Any]:
         """Returns the infos of all environments."""
@@ -76,4 +78,6 @@ class StepArrays:
                  "frame_events": self.frame_events}
         if self.stick is not None:
             infos["stick"] = self.stick
+        if self.paddle is not None:
+            infos["paddle"] = self.paddle
         return infos

@@ -49,6 +49,7 @@ class Env(gymnasium.Env):
         self.observation_space = single_observation_space(self._core)
         self.action_space = single_action_space(self._core)
         self._read_actions = ActionReader(self._core, 1)
+        self._layout = self._core.frame_skip, self._core.has_stick, self._core.has_paddle
         self._started = False
 
     def reset(self, *, seed: int | None = None,
@@ -104,6 +105,10 @@ class Env(gymnasium.Env):
         """Returns the console's 128 bytes of memory."""
         return self._core.ram(0)
 
+    def frame_number(self) -> int:
+        """Returns how many frames were emulated since the ROM was loaded."""
+        return self._core.frame_number(0)
+
     def action_meanings(self) -> list[str]:
         """Returns the joystick events of discrete actions; nothing for the continuous joystick."""
         return self._core.events(0)
@@ -114,7 +119,7 @@ class Env(gymnasium.Env):
 
     def _new_arrays(self) -> tuple[np.ndarray, StepArrays]:
         observation = np.empty(self.observation_space.shape, np.uint8)
-        return observation, StepArrays(1, observation, self._core.frame_skip, self._core.has_stick)
+        return observation, StepArrays(1, observation, *self._layout)
 
     @staticmethod
     def _info(arrays: StepArrays) -> dict[str, Any]:

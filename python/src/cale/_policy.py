@@ -34,16 +34,16 @@ class Policy:
     def act(self, observations: Any, choice: str = "greedy") -> np.ndarray:
         """Returns an action for each of N observations, or the action for one: as an environment with
         `settings` takes them. Those of the continuous joystick are (r, theta, fire), whatever coordinates the
-        network chooses.
+        network chooses; those of an absolute paddle (position, fire).
 
         choice: "greedy", "sampled" (drawn from the policy), or "as_evaluated", as its training's evaluations did.
         """
         batch, single = self._batch(observations)
         count = len(batch)
-        sticks, actions, events = np.empty((count, 3), np.float32), np.empty(count, np.int64), np.empty(count, np.uint8)
-        self._core.act(batch, choice, sticks, actions, events)
+        coordinates, actions = np.empty((count, self._core.axes), np.float32), np.empty(count, np.int64)
+        self._core.act(batch, choice, coordinates, actions)
         if not self.info["actions"]:
-            result = sticks
+            result = coordinates
         elif self.info["joystick"] == "factored":
             result = np.stack(np.unravel_index(actions, _EVENTS_OF_FACTORS), axis=1)
         else:

@@ -33,7 +33,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     Infos, an array of N each: `lives`; `frames`, emulated in the step; `event`, the joystick event that the
     action stood for, and `frame_events`, what the console saw in each frame; `episode_over`, whether the game
     itself is over or cut off (an episode also ends with a life where `terminal_on_life_loss` is set); `stick`,
-    (x, y, button), where the joystick moves (`stick_speed` and the like). With SAME_STEP, an episode that ended
+    (x, y, button), where the joystick moves (`stick_speed` and the like); `paddle`, its position, where actions
+    place it (`paddle="absolute"`). With SAME_STEP, an episode that ended
     leaves `final_obs` and `final_info`, as in Gymnasium.
 
     num_envs: how many environments.
@@ -69,7 +70,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._read_actions = ActionReader(self._core, self.num_envs)
         self._shape = self.observation_space.shape
-        self._has_stick = self._core.has_stick
+        self._has = self._core.has_stick, self._core.has_paddle
         self._stacks = self._core.stacks
         self._kept = None if copy else self._new_arrays()[1]
         self._sent: tuple[np.ndarray, StepArrays] | None = None
@@ -181,7 +182,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _new_arrays(self) -> tuple[np.ndarray, StepArrays]:
         observations = np.empty(self._shape, np.uint8) if self.copy else None
-        arrays = StepArrays(self.num_envs, observations, self._frame_skip, self._has_stick)
+        arrays = StepArrays(self.num_envs, observations, self._frame_skip, *self._has)
         return self._stacks if observations is None else observations, arrays
 
     def _arrays(self) -> tuple[np.ndarray, StepArrays]:
@@ -205,7 +206,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def _add_final(self, infos: dict[str, Any], ended: np.ndarray) -> None:
         """Adds what the last step of each episode that ended showed."""
         final_obs = np.full(self.num_envs, None, dtype=object)
-        arrays = StepArrays(self.num_envs, None, self._frame_skip, self._has_stick)
+        arrays = StepArrays(self.num_envs, None, self._frame_skip, *self._has)
         for array in arrays.infos().values():
             array.fill(0)
         for i in np.flatnonzero(ended):
