@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -12,6 +13,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -48,6 +50,39 @@ std::span<Number> span_of(const Array<Number>& array) {
 template <class Number>
 std::span<Number> span_of(const std::optional<Array<Number>>& array) {
     return array ? span_of(*array) : std::span<Number>();
+}
+
+// Threads that work without the GIL. One that wanted it back after the interpreter's end would be ended by
+// Python, in the midst of C++ code, and the process with it. So that end waits for them, and lets no other
+// begin. Both are read and written by whoever has the GIL.
+std::int64_t threads_without_gil = 0;
+bool interpreter_ends = false;
+
+/// Calls work() without the GIL.
+template <class Work>
+auto without_gil(const Work& work) {
+    struct Counted {
+        Counted() { ++threads_without_gil; }
+        ~Counted() { --threads_without_gil; }
+    };
+    const Counted counted;
+    const nb::gil_scoped_release released;
+    return work();
+}
+
+/// The same, unless the interpreter is ending.
+template <class Work>
+auto run_without_gil(const Work& work) {
+    if (interpreter_ends) throw std::runtime_error("the interpreter is ending");
+    return without_gil(work);
+}
+
+void end() {
+    interpreter_ends = true;
+    while (threads_without_gil > 0) {
+        const nb::gil_scoped_release released;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
 }
 
 /// Returns a new array with these bytes, for NumPy.
@@ -167,8 +202,7 @@ class Envs {
   public:
     Envs(const nb::dict& texts, Autoreset autoreset) {
         const auto config = config_of(texts);
-        const nb::gil_scoped_release released;
-        batch_ = std::make_unique<Batch>(config, autoreset);
+        batch_ = run_without_gil([&] { return std::make_unique<Batch>(config, autoreset); });
     }
     ~Envs() {
         // The threads of a parent process are not there to be joined in its child.
@@ -177,8 +211,7 @@ class Envs {
     Envs(const Envs&) = delete;
     Envs& operator=(const Envs&) = delete;
 
-    /// Calls work(batch) without the GIL, when no other thread is at it. The lock is given back with the GIL
-    /// held: whoever closes these environments, at the interpreter's end too, waits for threads to have left.
+    /// Calls work(batch) without the GIL, when no other thread is at it.
     template <class Work>
     auto run(const Work& work) {
         if (process_ != getpid()) {
@@ -187,11 +220,11 @@ class Envs {
                 "it: "
                 "make them in the process that uses them, or start it by spawn or forkserver");
         }
-        std::unique_lock lock(mutex_, std::defer_lock);
-        const nb::gil_scoped_release released;
-        lock.lock();
-        if (batch_ == nullptr) throw std::runtime_error("these environments are closed");
-        return work(*batch_);
+        return run_without_gil([&] {
+            const std::lock_guard lock(mutex_);
+            if (batch_ == nullptr) throw std::runtime_error("these environments are closed");
+            return work(*batch_);
+        });
     }
     /// The same of environments that are not stepping in the background.
     template <class Work>
@@ -219,10 +252,10 @@ class Envs {
     }
     void close() {
         if (process_ != getpid()) return;
-        std::unique_lock lock(mutex_, std::defer_lock);
-        const nb::gil_scoped_release released;
-        lock.lock();
-        batch_.reset();
+        without_gil([&] {
+            const std::lock_guard lock(mutex_);
+            batch_.reset();
+        });
     }
 
   private:
@@ -453,27 +486,30 @@ void act(PolicyInUse& self, const Array<const std::uint8_t>& observations, const
     if (coordinates.size() != axes * count)
         throw std::invalid_argument("the array for the coordinates has another size");
     const auto chosen = choice_of(choice);
-    const nb::gil_scoped_release released;
-    const std::lock_guard lock(self.mutex);
-    std::vector<Decision> decisions(count);
-    self.policy.act(span_of(observations), decisions, self.workspace, chosen, self.random);
-    for (std::size_t i = 0; i < count; ++i) {
-        std::ranges::copy(coordinates_of(joystick, decisions[i].stick), coordinates.data() + axes * i);
-        actions.data()[i] = decisions[i].action;
-    }
+    run_without_gil([&] {
+        const std::lock_guard lock(self.mutex);
+        std::vector<Decision> decisions(count);
+        self.policy.act(span_of(observations), decisions, self.workspace, chosen, self.random);
+        for (std::size_t i = 0; i < count; ++i) {
+            std::ranges::copy(coordinates_of(joystick, decisions[i].stick), coordinates.data() + axes * i);
+            actions.data()[i] = decisions[i].action;
+        }
+    });
 }
 
 void output(PolicyInUse& self, const Array<const std::uint8_t>& observations, const Array<float>& numbers) {
     const auto size = self.policy.output_size();
     const auto count = numbers.size() / size;
     check_observations(self, observations, count);
-    const nb::gil_scoped_release released;
-    const std::lock_guard lock(self.mutex);
-    const auto bytes = self.policy.info().observation_size();
-    for (std::size_t i = 0; i < count; ++i) {
-        const auto row = self.policy.output(span_of(observations).subspan(i * bytes, bytes), self.workspace);
-        std::ranges::copy(row, numbers.data() + i * size);
-    }
+    run_without_gil([&] {
+        const std::lock_guard lock(self.mutex);
+        const auto bytes = self.policy.info().observation_size();
+        for (std::size_t i = 0; i < count; ++i) {
+            const auto row =
+                self.policy.output(span_of(observations).subspan(i * bytes, bytes), self.workspace);
+            std::ranges::copy(row, numbers.data() + i * size);
+        }
+    });
 }
 
 nb::dict info_of(const PolicyInUse& self) {
@@ -535,8 +571,7 @@ void bind_policies(nb::module_& m) {
            std::int64_t number) {
             const GamePlan plan{
                 .env = config_of(texts), .epsilon = epsilon, .sampled = sampled, .seed = seed};
-            const nb::gil_scoped_release released;
-            const auto game = play_game(policy.policy, plan, number);
+            const auto game = run_without_gil([&] { return play_game(policy.policy, plan, number); });
             return std::tuple(game.episode_return, game.length, game.frames);
         },
         "policy"_a, "settings"_a, "epsilon"_a, "sampled"_a, "seed"_a, "number"_a,
@@ -558,6 +593,8 @@ NB_MODULE(_core, m) {
     m.doc() = "What cale's Python classes are made of.";
     // Objects of threads that are still at work when the interpreter ends are no leak.
     nb::set_leak_warnings(false);
+    m.def("end", end, "Waits for threads that work without the GIL, and lets no other begin.");
+    nb::module_::import_("atexit").attr("register")(m.attr("end"));
     m.def("games", game_table, "The sixty games: names and reference scores.");
     m.def("settings", settings, "The settings of an environment: name, default, type, range, choices, help.");
     m.def(

@@ -218,7 +218,7 @@ def test_bad_calls_get_a_sentence():
     with pytest.raises(ValueError, match="the first reset must be of all environments"):
         envs.reset(options=mask)
     envs.reset(seed=1)
-    for seed, sentence in [(-1, "seed"), ([1], "seed has 1 entries")]:
+    for seed, sentence in [(-1, "greater or equal to zero"), ([-1, 0], "seed is -1: it must be 0 or more"), ([1], "seed has 1 entries")]:
         with pytest.raises(Exception, match=sentence):
             envs.reset(seed=seed)
     for options, sentence in [({"reset_masc": 1}, "no option 'reset_masc' of reset: they are reset_mask, new_game"),

@@ -1,0 +1,88 @@
+"""Vector environments for Stable-Baselines3, which has an interface of its own:
+
+    from cale.sb3 import SB3VecEnv
+    model = PPO("CnnPolicy", SB3VecEnv(cale.make_vec("breakout", num_envs=8, autoreset_mode="SameStep")))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env import VecEnv
+
+from cale._vector_env import VectorEnv
+
+
+class SB3VecEnv(VecEnv):
+    """The environments of a `cale.VectorEnv` as Stable-Baselines3 steps them. Its autoreset mode must be SAME_STEP.
+    Wrap it in SB3's VecMonitor for returns of episodes in the log."""
+
+    def __init__(self, envs: VectorEnv) -> None:
+        if envs.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise ValueError("Stable-Baselines3 resets environments in the same step: "
+                             "make them with autoreset_mode='SameStep'")
+        self.envs = envs
+        self.render_mode = envs.render_mode
+        self._wanted_seed: list[int] | None = None
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+
+    def reset(self) -> np.ndarray:
+        """Begins episodes everywhere, and returns their first observations."""
+        observations, infos = self.envs.reset(seed=self._wanted_seed)
+        self._wanted_seed = None
+        self.reset_infos = self._listed(infos)
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Begins a step in the background."""
+        self.envs.send(actions)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Returns observations, rewards, ends and infos of the step that was begun."""
+        observations, rewards, terminated, truncated, infos = self.envs.recv()
+        ended = terminated | truncated
+        listed = self._listed(infos)
+        for i in np.flatnonzero(ended):
+            listed[i]["terminal_observation"] = infos["final_obs"][i]
+            listed[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+        return observations, rewards.astype(np.float32), ended, listed
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds the environments with seed, seed + 1, ... from the next reset on."""
+        first = int(np.random.randint(0, 2**31 - 1)) if seed is None else seed
+        self._wanted_seed = [first + i for i in range(self.num_envs)]
+        return self._wanted_seed
+
+    def close(self) -> None:
+        """Ends the environments."""
+        self.envs.close()
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """Returns the games' screens."""
+        return self.envs.render() or [None] * self.num_envs
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Returns an attribute of the vector environment, once for each environment."""
+        return [getattr(self.envs, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Sets an attribute of the vector environment."""
+        setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Calls a method of the vector environment, once, and returns its result for each environment."""
+        result = getattr(self.envs, method_name)(*args, **kwargs)
+        return [result] * len(list(self._get_indices(indices)))
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Returns that no environment is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+    @staticmethod
+    def _listed(infos: dict[str, Any]) -> list[dict[str, Any]]:
+        """Returns the infos that tell of lives and of the game's end, as a dictionary for each environment."""
+        return [{"lives": int(lives), "episode_over": bool(over)}
+                for lives, over in zip(infos["lives"], infos["episode_over"])]

@@ -1,0 +1,192 @@
+"""Threads, processes and memory: what must not hang, crash or leak."""
+import gc
+import os
+import pathlib
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import cale
+
+
+def run(script, timeout=60):
+    """Runs a script in an interpreter of its own."""
+    return subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True,
+                          timeout=timeout, env=os.environ)
+
+
+def test_the_interpreter_ends_while_environments_step():
+    """A thread steps, another step is in the background, and the main thread is at its end."""
+    ended = run("""
+        import threading, time, cale
+        envs, sent = cale.make_vec("pong", num_envs=4), cale.make_vec("pong", num_envs=4)
+        envs.reset(seed=1), sent.reset(seed=1)
+        steps = 0
+
+        def step():
+            global steps
+            while True:
+                try:
+                    envs.step(envs.action_space.sample())
+                except RuntimeError as error:  # the interpreter ends
+                    print(error, flush=True)
+                    return
+                steps += 1
+
+        threading.Thread(target=step, daemon=True).start()
+        while steps < 10:
+            time.sleep(0.01)
+        sent.send(sent.action_space.sample())
+        print("end", flush=True)
+    """)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "end\n", "")
+
+
+def test_a_forked_process_is_refused_with_a_sentence_and_the_parent_goes_on():
+    ended = run("""
+        import os, sys, cale
+        envs, env = cale.make_vec("pong", num_envs=4), cale.Env("pong")
+        envs.reset(seed=1), env.reset(seed=1)
+        child = os.fork()
+        if child == 0:
+            for call in (lambda: envs.step(envs.action_space.sample()), env.reset):
+                try:
+                    call()
+                    os._exit(1)
+                except RuntimeError as error:
+                    print(error, flush=True)
+            made_here = cale.make_vec("pong", num_envs=4)
+            made_here.reset(seed=1)
+            made_here.step(made_here.action_space.sample())
+            envs.close()
+            del envs, env
+            sys.exit(7)
+        _, status = os.waitpid(child, 0)
+        print(os.waitstatus_to_exitcode(status))
+        envs.step(envs.action_space.sample())
+    """)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    refused = "these environments were made before this process was forked"
+    assert [line[:len(refused)] for line in ended.stdout.splitlines()] == [refused, refused, "7"]
+
+
+def test_processes_of_gymnasiums_async_vector_environment():
+    import gymnasium
+
+    envs = gymnasium.make_vec("cale/Pong-v0", num_envs=2, vectorization_mode="async", obs="ram")
+    ours = cale.make_vec("pong", num_envs=2, obs="ram")
+    np.testing.assert_array_equal(envs.reset(seed=1)[0], ours.reset(seed=1)[0])
+    for _ in range(5):
+        actions = ours.action_space.sample()
+        np.testing.assert_array_equal(envs.step(actions)[0], ours.step(actions)[0])
+    envs.close()
+
+
+def test_other_threads_run_while_environments_step():
+    """A step that held the GIL would let the counting thread count nothing."""
+    envs = cale.make_vec("pong", num_envs=16, env_threads=1)
+    envs.reset(seed=1)
+    counted, stop = 0, False
+
+    def count():
+        nonlocal counted
+        while not stop:
+            counted += 1
+            time.sleep(0.0002)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    before, most = counted, 0
+    for _ in range(30):
+        at = counted
+        envs.step(envs.action_space.sample())  # some milliseconds
+        most = max(most, counted - at)
+    stop = True
+    thread.join()
+    assert counted > before and most >= 3
+
+
+def test_threads_take_turns_at_the_same_environments():
+    envs = cale.make_vec("pong", num_envs=2)
+    envs.reset(seed=1)
+    failures = []
+
+    def step():
+        try:
+            for _ in range(50):
+                envs.step(np.zeros((2, 3), np.float32))
+                envs.ram()
+        except Exception as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=step) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+    *_, infos = envs.step(np.zeros((2, 3), np.float32))
+    assert envs._core.frame_number(0) == 4 * (4 * 50 + 1) and list(infos["frames"]) == [4, 4]
+
+
+def test_environments_may_be_dropped_while_they_step():
+    for copy in (True, False):
+        for _ in range(5):
+            envs = cale.make_vec("pong", num_envs=4, copy=copy)
+            envs.reset(seed=1)
+            envs.send(envs.action_space.sample())
+            del envs
+    gc.collect()
+
+
+def test_a_failure_in_a_worker_is_an_exception():
+    """An episode that is over cannot be stepped: the environment itself says so, on its thread."""
+    env = cale.Env("pong", max_frames_per_episode=8)
+    env.reset(seed=1)
+    state = env.save()
+    for _ in range(2):
+        env.step(env.action_space.sample())
+    over = bytearray(env._core.save(0))
+    at = bytes(over).index(b"1", bytes(over).index(b"noop_max"))  # "ended" and "must_restart", texts of one letter
+    over[at] = ord("0")
+    over[bytes(over).index(b"1", at)] = ord("0")
+    env._core.restore(0, bytes(over))
+    with pytest.raises(RuntimeError, match="the episode is over, or none was started"):
+        env.step(env.action_space.sample())
+    env.restore(state)  # and it is usable again
+    env.step(env.action_space.sample())
+
+
+def resident_bytes():
+    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def live_together(count, **settings):
+    """Makes environments one after the other; every fourth plays, every eighth in the background too."""
+    for i in range(count):
+        envs = cale.make_vec("pong", num_envs=1 + i % 3 // 2, obs="ram", **settings)
+        if i % 4 == 0:
+            envs.reset(seed=i)
+            envs.restore(envs.save())
+            envs.step(envs.action_space.sample())
+            if i % 8 == 0:
+                envs.send(envs.action_space.sample())
+        if i % 2:
+            envs.close()
+    gc.collect()
+
+
+def test_a_thousand_creations_leak_nothing():
+    """An environment takes about 0.9 MB, so a leak of each would be 900 MB, and of one kilobyte of each 1 MB."""
+    live_together(100)
+    before = resident_bytes()
+    live_together(1000)
+    grown = resident_bytes() - before
+    print(f"1,000 creations: {grown / 1e6:.2f} MB more")
+    assert grown < 4e6
+    assert threading.active_count() < 20 and len(os.listdir("/proc/self/task")) < 40
