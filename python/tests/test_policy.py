@@ -1,0 +1,93 @@
+"""Trained policies, held to what the C++ tools do with them."""
+import csv
+
+import numpy as np
+import pytest
+
+import cale
+
+
+def recorded(repository, name, games):
+    """The first games of `cale evaluate policies/NAME.safetensors`: return, length, frames of each."""
+    with open(repository / f"policies/{name}.csv", newline="") as file:
+        rows = list(csv.DictReader(file))[:games]
+    return [(float(row["return"]), int(row["length"]), int(row["frames"])) for row in rows]
+
+
+@pytest.mark.parametrize("name", ["road_runner_sac", "road_runner_joystick", "kung_fu_master_sac", "boxing_sac"])
+def test_games_are_those_of_the_tool(repository, name):
+    """`cale evaluate` computes with LibTorch and recorded these games; the same games here have the same returns."""
+    played = cale.evaluate(repository / f"policies/{name}.safetensors", games=4)
+    assert list(zip(played.returns, played.lengths, played.frames)) == recorded(repository, name, 4)
+
+
+def test_a_policy_acts_on_numpys_observations(repository):
+    policy = cale.Policy(repository / "policies/road_runner_sac.safetensors")
+    assert policy.info["game"] == "RoadRunner" and policy.info["observation_shape"] == (2, 128)
+    envs = policy.make_vec(num_envs=3)
+    observations, _ = envs.reset(seed=1)
+    returns = np.zeros(3)
+    for _ in range(200):
+        actions = policy.act(observations)
+        assert actions.dtype == np.float32 and envs.action_space.contains(actions)
+        np.testing.assert_array_equal(actions[1], policy.act(observations[1]))
+        observations, rewards, *_ = envs.step(actions)
+        returns += rewards
+    assert returns.mean() > 500
+    assert policy.output(observations).shape == (3, 6)
+    with pytest.raises(TypeError, match="know no action values"):
+        policy.values(observations)
+
+
+def test_a_policy_draws_what_its_seed_says(repository):
+    file = repository / "policies/road_runner_sac.safetensors"
+    observations, _ = cale.Policy(file).make_vec(num_envs=2).reset(seed=1)
+    a, b, c = (cale.Policy(file, seed=seed).act(observations, "sampled") for seed in (1, 1, 2))
+    np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(a, c)
+    assert not np.array_equal(a, cale.Policy(file).act(observations))
+
+
+def test_a_noisy_policy_of_categories(repository):
+    """Rainbow on the joystick: action values, noise in its weights, an action in three parts."""
+    policy = cale.Policy(repository / "policies/kung_fu_master_rainbow.safetensors")
+    envs = policy.make_vec(num_envs=2)
+    observations, _ = envs.reset(seed=1)
+    for _ in range(30):
+        actions = policy.act(observations, "as_evaluated")
+        assert envs.action_space.contains(actions)
+        observations, *_ = envs.step(actions)
+    np.testing.assert_array_equal(policy.values(observations), policy.output(observations).max(axis=1))
+    draws = {policy.act(observations, "as_evaluated").tobytes() for _ in range(50)}
+    greedy = {policy.act(observations).tobytes() for _ in range(50)}
+    assert len(draws) > 1 and len(greedy) == 1
+
+
+def test_evaluations_repeat_whatever_the_threads(repository):
+    file = repository / "policies/road_runner_joystick.safetensors"
+    one, three = (cale.evaluate(file, games=3, seed=5, threads=threads) for threads in (1, 3))
+    np.testing.assert_array_equal(one.returns, three.returns)
+    assert one.mean == one.returns.mean()
+    other = cale.evaluate(file, games=3, seed=5, sticky_probability=0.25)
+    assert not np.array_equal(one.lengths, other.lengths)
+
+
+def test_mistakes_get_a_sentence(repository, tmp_path):
+    file = repository / "policies/road_runner_sac.safetensors"
+    policy = cale.Policy(file)
+    with pytest.raises(ValueError, match=r"observations are uint8 \[N, 2, 128\], not float64 \[2, 128\]"):
+        policy.act(np.zeros((2, 128)))
+    with pytest.raises(ValueError, match="choice must be one of greedy, sampled, as_evaluated, not 'best'"):
+        policy.act(np.zeros((2, 128), np.uint8), "best")
+    with pytest.raises(ValueError, match="cannot play there: it sees other observations"):
+        cale.evaluate(policy, games=1, obs="pixels")
+    with pytest.raises(ValueError, match="cannot play there: it was trained with action_space=continuous"):
+        cale.evaluate(policy, games=1, action_space="full")
+    with pytest.raises(ValueError, match="games is 0: it must be at least 1"):
+        cale.evaluate(policy, games=0)
+    damaged = tmp_path / "damaged.safetensors"
+    damaged.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(RuntimeError, match="damaged.safetensors' cannot be used"):
+        cale.Policy(damaged)
+    with pytest.raises(RuntimeError, match="nowhere.safetensors"):
+        cale.Policy(tmp_path / "nowhere.safetensors")

@@ -1,0 +1,69 @@
+"""Stable-Baselines3 on our environments, unchanged; and the examples."""
+import runpy
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import cale
+
+pytest.importorskip("torch", reason="no Python torch beside this LibTorch (scripts/setup installs one)")
+sb3 = pytest.importorskip("stable_baselines3")
+
+
+@pytest.mark.filterwarnings("ignore:We recommend you to use a symmetric and normalized")
+@pytest.mark.parametrize("kind", [{}, {"action_space": "minimal"}, {"joystick": "cartesian"}, {"joystick": "factored"},
+                                  {"paddle": "absolute"}, {"obs": "ram"}])
+def test_its_checker_passes(kind):
+    from stable_baselines3.common.env_checker import check_env
+
+    check_env(cale.Env("breakout", **kind))
+
+
+def test_its_vector_environment_is_ours():
+    """Beside SB3's own DummyVecEnv: observations, rewards, ends, what an episode's last step showed."""
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    from cale.sb3 import SB3VecEnv
+
+    settings = {"max_frames_per_episode": 200, "terminal_on_life_loss": True}
+    ours = SB3VecEnv(cale.make_vec("breakout", num_envs=2, autoreset_mode="SameStep", **settings))
+    theirs = DummyVecEnv([lambda: cale.Env("breakout", **settings)] * 2)
+    ours.seed(3), theirs.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    ends = 0
+    for _ in range(150):
+        actions = np.array([ours.action_space.sample() for _ in range(2)])
+        our_step, their_step = ours.step(actions), theirs.step(actions)
+        for mine, other in zip(our_step[:3], their_step[:3]):
+            np.testing.assert_array_equal(mine, other)
+        for i in np.flatnonzero(our_step[2]):
+            ends += 1
+            for key in ("terminal_observation", "TimeLimit.truncated", "lives"):
+                np.testing.assert_array_equal(our_step[3][i][key], their_step[3][i][key])
+    assert ends >= 4
+    with pytest.raises(ValueError, match="autoreset_mode='SameStep'"):
+        SB3VecEnv(cale.make_vec("pong"))
+
+
+def test_ppo_learns_freeway(repository):
+    """50,000 steps from the console's memory, half a minute of one core. Random play scores 0."""
+    example = runpy.run_path(str(repository / "examples/python/sb3_ppo.py"))
+    _, returns = example["train"](game="freeway", steps=50_000, obs="ram", action_space="minimal")
+    print("returns:", returns)
+    assert len(returns) >= 16
+    assert np.mean(returns[-8:]) > 12
+
+
+@pytest.mark.parametrize(("script", "says", "arguments"), [
+    ("sb3_ppo.py", "mean return", ["--steps", "1024", "--num-envs", "2", "--game", "pong"]),
+    ("sb3_sac.py", "mean return", ["--steps", "300", "--game", "pong"]),
+    ("sac_continuous_action.py", "steps a second", ["--total-timesteps", "600", "--learning-starts", "200",
+                                                    "--game", "pong"]),
+])
+def test_the_examples_run(repository, script, says, arguments):
+    ran = subprocess.run([sys.executable, repository / "examples/python" / script, *arguments], capture_output=True,
+                         text=True, timeout=300)
+    assert ran.returncode == 0, ran.stderr
+    assert says in ran.stdout
