@@ -8,7 +8,7 @@ import pytest
 
 import cale
 
-pytest.importorskip("torch", reason="no Python torch beside this LibTorch (scripts/setup installs one)")
+pytest.importorskip("torch", reason="no Python torch beside LibTorch (scripts/setup installs one), or a run under sanitizers")
 sb3 = pytest.importorskip("stable_baselines3")
 
 

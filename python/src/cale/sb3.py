@@ -45,7 +45,9 @@ class SB3VecEnv(VecEnv):
         observations, rewards, terminated, truncated, infos = self.envs.recv()
         ended = terminated | truncated
         listed = self._listed(infos)
+        last = self._listed(infos["final_info"]) if ended.any() else []
         for i in np.flatnonzero(ended):
+            listed[i] = last[i]
             listed[i]["terminal_observation"] = infos["final_obs"][i]
             listed[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
         return observations, rewards.astype(np.float32), ended, listed
