@@ -118,7 +118,8 @@ def available(names):
 
 
 def environments():
-    heading(f"Environment: agent steps per second on {GAME}, sticky actions, 84x84x4", "environments", "actions")
+    what = f"agent steps per second on {GAME}, sticky actions, 84x84x4"
+    heading(f"Environment: {what}", "environments", "actions")
     for num_envs, threads in SHAPES:
         shape = [GAME, num_envs, threads, 6000]
 
@@ -134,6 +135,15 @@ def environments():
         compare("env", f"{num_envs}", "continuous", threads, "steps/s", ours(), {"ale-py": theirs("ale-py")})
         discrete = ["ale-py-discrete", "envpool"] + (["envpool-async"] if num_envs > 1 else [])
         compare("env", f"{num_envs}", "discrete", threads, "steps/s", ours("minimal"), {n: theirs(n) for n in discrete})
+
+    heading(f"Environment from Python: {what}", "environments", "actions")
+    for num_envs, threads in SHAPES:
+        def python(name):
+            return lambda: peer(name, "steps_per_second", threads, name, GAME, num_envs, threads, 6000)
+
+        compare("python", f"{num_envs}", "continuous", threads, "steps/s", python("cale"), {"ale-py": python("ale-py")})
+        compare("python", f"{num_envs}", "discrete", threads, "steps/s", python("cale-discrete"),
+                {name: python(name) for name in ("ale-py-discrete", "envpool")})
 
 
 def our_update(name, threads):

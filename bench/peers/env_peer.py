@@ -1,6 +1,7 @@
 """Agent steps per second of another environment under random actions: one JSON line.
      env_peer.py PEER GAME ENVIRONMENTS THREADS STEPS
-   PEER: ale-py (continuous), ale-py-discrete, envpool, envpool-async (half of the environments per batch)."""
+   PEER: ale-py (continuous), ale-py-discrete, envpool, envpool-async (half of the environments per batch); and ours,
+   from Python: cale, cale-discrete."""
 import sys
 import time
 
@@ -10,7 +11,13 @@ from measure import report
 peer, game, num_envs, threads, steps = sys.argv[1], sys.argv[2], *map(int, sys.argv[3:6])
 random = np.random.default_rng(1)
 
-if peer.startswith("ale-py"):
+if peer.startswith("cale"):
+    import cale
+
+    batch = num_envs
+    env = cale.make_vec(game, num_envs, env_threads=threads, action_space="minimal" if peer == "cale-discrete" else "continuous")
+    env.reset(seed=0)
+elif peer.startswith("ale-py"):
     from ale_py.vector_env import AtariVectorEnv
 
     env = AtariVectorEnv(game=game, num_envs=num_envs, num_threads=threads, continuous=peer == "ale-py",
@@ -29,10 +36,10 @@ else:
                        max_episode_steps=27_000)
     env.async_reset() if batch < num_envs else env.reset()
 
-if peer == "ale-py":
+if peer in ("ale-py", "cale"):
     actions = random.uniform([0, -np.pi, 0], [1, np.pi, 1], size=(1000, batch, 3)).astype(np.float32)
 else:
-    count = (env.single_action_space if peer.startswith("ale-py") else env.action_space).n
+    count = (env.action_space if peer.startswith("envpool") else env.single_action_space).n
     actions = random.integers(count, size=(1000, batch), dtype=np.int32)
 
 for i in range(-100, steps // batch):
