@@ -138,6 +138,65 @@ TEST(EmulatorVectorEnv, IsItsEnvironmentsOneByOneOnAnyNumberOfThreads) {
     }
 }
 
+TEST(EmulatorVectorEnv, StepsItsEnvironmentsByThemselvesToo) {
+    constexpr std::size_t kEnvs = 3;
+    constexpr std::uint64_t kSteps = 20;
+    std::vector<Solo> solos;
+    for (std::uint32_t i = 0; i < kEnvs; ++i) solos.emplace_back(config_of(1, 1), kFirstSeed + i, i, kSteps);
+    Crowd crowd(config_of(kEnvs, 2));
+    std::vector<float> coordinates(3 * kEnvs);
+    const auto play = [&](std::uint64_t first_step) {
+        for (std::uint64_t t = first_step; t < kSteps; ++t) {
+            for (std::size_t i = 0; i < kEnvs; ++i) {
+                const auto action = random_action(i, t);
+                std::ranges::copy(std::vector{action.radius, action.theta, action.fire}, &coordinates[3 * i]);
+            }
+            const cale::Actions actions = std::span<const float>(coordinates);
+            crowd.envs.check(actions);
+            crowd.envs.for_each([&](std::int64_t index) {
+                const auto i = static_cast<std::size_t>(index);
+                crowd.results[i] = crowd.envs.step(index, actions, crowd.frame(i));
+                if (crowd.results[i].episode_over) crowd.envs.reset(index, crowd.frame(i));
+            });
+            for (std::size_t i = 0; i < kEnvs; ++i) {
+                SCOPED_TRACE("environment " + std::to_string(i) + ", step " + std::to_string(t));
+                EXPECT_EQ(crowd.results[i].reward, solos[i].results[t].reward);
+                EXPECT_EQ(crowd.results[i].episode_over, solos[i].results[t].episode_over);
+                EXPECT_TRUE(std::ranges::equal(crowd.frame(i), solos[i].frames[t + 1]));
+            }
+        }
+    };
+    play(0);
+    // Made anew, they repeat it; recorded and resumed one by one, they continue.
+    crowd.envs.for_each([&](std::int64_t index) {
+        const auto i = static_cast<std::size_t>(index);
+        crowd.envs.renew(index, crowd.seeds[i]);
+        crowd.envs.reset(index, crowd.frame(i));
+        EXPECT_TRUE(std::ranges::equal(crowd.frame(i), solos[i].frames[0]));
+    });
+    play(0);
+    for (std::int64_t i = 0; i < crowd.envs.size(); ++i) {
+        const auto record = crowd.envs.record(i);
+        const auto frame_number = crowd.envs.env(i).frame_number();
+        crowd.envs.renew(i, 1);
+        crowd.envs.resume(i, record);
+        EXPECT_EQ(crowd.envs.env(i).frame_number(), frame_number);
+        EXPECT_EQ(crowd.envs.record(i), record);
+    }
+}
+
+TEST(EmulatorVectorEnv, ChecksActions) {
+    const auto refusal = [](const VectorEnv& envs, const cale::Actions& actions) {
+        return message_of<std::invalid_argument>([&] { envs.check(actions); });
+    };
+    const Crowd crowd(config_of(2, 1));
+    const std::vector<float> coordinates(5);
+    const std::vector<std::int64_t> numbers(2);
+    EXPECT_EQ(refusal(crowd.envs, std::span(coordinates)), "coordinates of actions: 5 given, 6 needed");
+    EXPECT_THAT(refusal(crowd.envs, std::span(numbers)),
+                HasSubstr("are coordinates of the joystick, not numbers"));
+}
+
 TEST(EmulatorVectorEnv, ABadActionReachesTheCallerWhenAllAreDone) {
     for (const int threads : {1, 2, 4}) {
         SCOPED_TRACE(threads);
