@@ -250,7 +250,7 @@ void VectorEnv::reset(std::int64_t index, std::span<std::uint8_t> frame) {
     impl_->envs.at(static_cast<std::size_t>(index))->reset(frame);
 }
 void VectorEnv::renew(std::int64_t index, std::uint32_t seed) {
-    impl_->envs.at(static_cast<std::size_t>(index)).emplace(impl_->config, seed);
+    impl_->envs.at(static_cast<std::size_t>(index)).emplace(config_of(impl_->config, index), seed);
 }
 
 void VectorEnv::reset(std::span<std::uint8_t> frames) {

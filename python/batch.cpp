@@ -96,6 +96,7 @@ void Background::serve() {
 Batch::Batch(const EnvConfig& config, Autoreset autoreset)
     : config_(config),
       autoreset_(autoreset),
+      actions_(cale::action_space(config)),
       seen_(cale::observation_space(config)),
       frame_size_(static_cast<std::size_t>(seen_.frame_size())),
       stack_size_(frame_size_ * static_cast<std::size_t>(seen_.stack)),
@@ -103,10 +104,8 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
       frames_(static_cast<std::size_t>(config.num_envs) * frame_size_),
       newest_(static_cast<std::size_t>(config.num_envs)),
       states_(static_cast<std::size_t>(config.num_envs)) {
-    auto one = config;
-    one.num_envs = 1;
-    const std::uint32_t seed = 0;
-    actions_ = VectorEnv(one, {&seed, 1}).action_space();
+    const Env first(config_of(config, 0), /*seed=*/0);
+    if (!first.actions().empty()) actions_ = Discrete{std::ssize(first.actions())};
     if (autoreset == Autoreset::same_step) final_stacks_.resize(stacks_.data().size());
 }
 
@@ -293,7 +292,7 @@ std::string Batch::save(std::int64_t index) const {
     const auto record = envs().record(index);
     const auto i = static_cast<std::size_t>(index);
     std::string saved(kMagic);
-    append(saved, course_of_games(config_));
+    append(saved, course_of_games(config_of(config_, index)));
     append(saved, {states_[i].ended ? "1" : "0"});
     append(saved, {states_[i].must_restart ? "1" : "0"});
     append(saved, text_of(stacks_.data().subspan(i * stack_size_, stack_size_)));
@@ -308,7 +307,7 @@ void Batch::restore(std::int64_t index, std::string_view saved) {
     if (!saved.starts_with(kMagic))
         throw std::invalid_argument("these bytes are no environment that save() returned");
     saved.remove_prefix(kMagic.size());
-    const auto ours = course_of_games(config_);
+    const auto ours = course_of_games(config_of(config_, index));
     if (const auto theirs = next(saved); theirs != ours)
         throw std::invalid_argument("the saved environment has " + difference(ours, theirs));
     const State state{.ended = next(saved) == "1", .must_restart = next(saved) == "1"};

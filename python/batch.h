@@ -64,8 +64,8 @@ class Background {
 /// One thread at a time may call an object.
 class Batch {
   public:
-    /// Makes one environment, so that bad settings are refused at once; the others follow with the first
-    /// reset(). Throws as Env does.
+    /// Makes the first environment, so that bad settings are refused at once; all of them follow with the
+    /// first reset(). Throws as Env does.
     Batch(const EnvConfig& config, Autoreset autoreset);
 
     std::int64_t size() const { return config_.num_envs; }               // N

@@ -135,7 +135,7 @@ nb::list settings() {
     return result;
 }
 
-EnvConfig config_of(const nb::dict& texts) {
+EnvConfig read_config(const nb::dict& texts) {
     EnvConfig config;
     for (const auto& [name, text] : texts) {
         try {
@@ -144,7 +144,7 @@ EnvConfig config_of(const nb::dict& texts) {
             throw nb::type_error(error.what());
         }
     }
-    find_game(config.game);
+    games_of(config.game);  // throws for unknown ones
     return config;
 }
 
@@ -201,7 +201,7 @@ struct Arrays {
 class Envs {
   public:
     Envs(const nb::dict& texts, Autoreset autoreset) {
-        const auto config = config_of(texts);
+        const auto config = read_config(texts);
         batch_ = run_without_gil([&] { return std::make_unique<Batch>(config, autoreset); });
     }
     ~Envs() {
@@ -323,6 +323,17 @@ void bind_environments(nb::module_& m) {
         .def_prop_ro(
             "num_envs", [](Envs& envs) { return envs.run([](Batch& batch) { return batch.size(); }); },
             "How many there are.")
+        .def_prop_ro(
+            "games",
+            [](Envs& envs) {
+                return envs.run([](Batch& batch) {
+                    std::vector<std::string> names;
+                    for (std::int64_t i = 0; i < batch.size(); ++i)
+                        names.push_back(config_of(batch.config(), i).game);
+                    return names;
+                });
+            },
+            "What each of them plays.")
         .def_prop_ro(
             "frame_skip",
             [](Envs& envs) { return envs.run([](Batch& batch) { return batch.config().frame_skip; }); },
@@ -570,7 +581,7 @@ void bind_policies(nb::module_& m) {
         [](const PolicyInUse& policy, const nb::dict& texts, double epsilon, bool sampled, std::uint64_t seed,
            std::int64_t number) {
             const GamePlan plan{
-                .env = config_of(texts), .epsilon = epsilon, .sampled = sampled, .seed = seed};
+                .env = read_config(texts), .epsilon = epsilon, .sampled = sampled, .seed = seed};
             const auto game = run_without_gil([&] { return play_game(policy.policy, plan, number); });
             return std::tuple(game.episode_return, game.length, game.frames);
         },
@@ -579,7 +590,7 @@ void bind_policies(nb::module_& m) {
     m.def(
         "require_playable",
         [](const PolicyInUse& policy, const nb::dict& texts) {
-            require_playable(policy.policy.info(), config_of(texts));
+            require_playable(policy.policy.info(), read_config(texts));
         },
         "policy"_a, "settings"_a, "Refuses an environment that the policy cannot act in.");
     m.def(
@@ -598,7 +609,7 @@ NB_MODULE(_core, m) {
     m.def("games", game_table, "The sixty games: names and reference scores.");
     m.def("settings", settings, "The settings of an environment: name, default, type, range, choices, help.");
     m.def(
-        "check_settings", [](const nb::dict& texts) { config_of(texts); }, "settings"_a,
+        "check_settings", [](const nb::dict& texts) { read_config(texts); }, "settings"_a,
         "Refuses settings that are not allowed.");
     bind_environments(m);
     bind_policies(m);

@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <variant>
 
-#include "cale/games.h"
 #include "cale/text.h"
 
 namespace cale::python {
@@ -65,7 +64,7 @@ void set(EnvConfig& config, std::string_view name, std::string_view text) {
 
 std::string course_of_games(const EnvConfig& config) {
     EnvConfig copy = config;
-    copy.game = find_game(config.game).rom;
+    copy.game = only_game(config).rom;
     std::string text;
     for (const auto& [name, help, range, member] : env_settings(copy)) {
         if (name == "rom_dir" || name == "num_envs" || name == "env_threads") continue;

@@ -25,7 +25,7 @@ std::vector<EnvSetting> env_settings(EnvConfig& config);
 /// and std::invalid_argument for a value that is not allowed, both with the sentence to show.
 void set(EnvConfig& config, std::string_view name, std::string_view text);
 
-/// Returns a text that two configurations share if and only if their games take the same course.
+/// Returns a text that two configurations of one game share if and only if it takes the same course in both.
 std::string course_of_games(const EnvConfig& config);
 
 }  // namespace cale::python

@@ -268,6 +268,31 @@ def test_the_same_game_in_whatever_actions_and_pictures():
     assert env.action_meanings() == ["NOOP", "FIRE", "RIGHT", "LEFT"] and env.render() is None
 
 
+def test_several_games_are_played_in_turn():
+    """Each as by itself; their states go from environment to environment of the same game."""
+    envs = cale.make_vec(["pong", "breakout"], num_envs=4, obs="ram")
+    assert envs.games == ("pong", "breakout", "pong", "breakout")
+    envs.reset(seed=1)
+    alone = [cale.Env(game, obs="ram") for game in envs.games]
+    for i, env in enumerate(alone):
+        env.reset(seed=1 + i)
+    for _ in range(40):
+        actions = envs.action_space.sample()
+        observations, *_ = envs.step(actions)
+        for i, env in enumerate(alone):
+            np.testing.assert_array_equal(observations[i], env.step(actions[i])[0])
+    envs.restore(envs.save(1), index=3)
+    np.testing.assert_array_equal(envs.ram()[1], envs.ram()[3])
+    with pytest.raises(ValueError, match="the saved environment has game=pong, not breakout"):
+        envs.restore(envs.save(0), index=1)
+    envs.reset(seed=1)
+    for mistake in ({"num_envs": 3}, {"num_envs": 2, "action_space": "minimal"}):
+        with pytest.raises(ValueError, match="env.game=pong,breakout"):
+            cale.make_vec("pong,breakout", **mistake)
+    with pytest.raises(ValueError, match="env.num_envs must be a multiple of the 2 games"):
+        cale.Env(["pong", "breakout"])
+
+
 def test_infos_of_sticks_and_paddles():
     envs = cale.make_vec("breakout", num_envs=2, stick_speed=0.1)
     _, infos = envs.reset(seed=1)

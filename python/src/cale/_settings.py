@@ -38,6 +38,8 @@ def text_of(name: str, value: Any) -> str:
         return str(value)
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, int) for part in value):
         return "-".join(str(part) for part in value)
+    if isinstance(value, (tuple, list)) and value and all(isinstance(part, str) for part in value):
+        return ",".join(value)
     raise TypeError(f"{name} is a {type(value).__name__}, which is no value of a setting")
 
 
@@ -46,11 +48,11 @@ def texts_of(values: Mapping[str, Any]) -> dict[str, str]:
     texts = {name: text_of(name, value) for name, value in values.items()}
     _core.check_settings(texts)
     if not texts.get("rom_dir"):
-        texts["rom_dir"] = _roms_of_ale_py(texts["game"])
+        texts["rom_dir"] = _roms_of_ale_py()
     return texts
 
 
-def _roms_of_ale_py(game: str) -> str:
+def _roms_of_ale_py() -> str:
     """Returns the folder of ale-py's ROMs if it is installed and the user named no other; else nothing."""
     if os.environ.get("ALE_ROMS_DIR"):
         return ""

@@ -37,6 +37,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     place it (`paddle="absolute"`). With SAME_STEP, an episode that ended
     leaves `final_obs` and `final_info`, as in Gymnasium.
 
+    game: the game, or several, which the environments play in turn: `games` says what each plays.
     num_envs: how many environments.
     autoreset_mode: when the next episode begins; Gymnasium's NEXT_STEP, SAME_STEP or DISABLED.
     copy: True: every step returns new arrays. False: it returns the same ones, which the next step overwrites;
@@ -46,7 +47,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 15}
 
-    def __init__(self, game: str, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    def __init__(self, game: str | Sequence[str], num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
                  copy: bool = True, render_mode: str | None = None, **settings: Unpack[Settings]) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
@@ -62,6 +63,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._finalizer = weakref.finalize(self, self._core.close)
 
         self.num_envs = self._core.num_envs
+        self.games = tuple(self._core.games)
         self._frame_skip = self._core.frame_skip
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode, "render_fps": 60 / self._frame_skip}
         self.single_observation_space = single_observation_space(self._core)
@@ -217,10 +219,11 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 
 @with_settings(apart=("game", "num_envs"))
-def make_vec(game: str, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+def make_vec(game: str | Sequence[str], num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
              copy: bool = True, render_mode: str | None = None, **settings: Unpack[Settings]) -> VectorEnv:
     """Returns N environments of a game that step together: see `cale.VectorEnv`.
 
-    game: "breakout", "Breakout" or "ALE/Breakout-v5".
+    game: "breakout", "Breakout" or "ALE/Breakout-v5"; or several, which the environments play in turn:
+        ["pong", "breakout"].
     """
     return VectorEnv(game, num_envs, autoreset_mode=autoreset_mode, copy=copy, render_mode=render_mode, **settings)
