@@ -51,7 +51,7 @@ std::string range_text(Range range);
 /// is allowed; the member is then unchanged.
 void read_setting(std::string_view key, Range range, std::string_view text, const SettingMember& member);
 
-/// Returns what a text means to those that read settings: none where it is no truth value.
+/// Returns the truth value that the text stands for: true, yes, on, ...; none if it stands for none.
 std::optional<bool> truth_in(std::string_view text);
 /// Returns whether the text says that there is no value: none, null or ~.
 bool means_none(std::string_view text);

@@ -270,7 +270,7 @@ void VectorEnv::step(std::span<const ContinuousAction> actions, std::span<std::u
 
 void VectorEnv::check(const Actions& actions) const {
     const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions);
-    const bool takes_numbers = num_actions(action_space()) > 0;
+    const bool takes_numbers = !this->actions().empty() || impl_->joystick == Joystick::factored;
     if ((numbers != nullptr) != takes_numbers) {
         throw std::invalid_argument(
             numbers != nullptr ? "this world's actions are coordinates of the joystick, not numbers"

@@ -288,6 +288,12 @@ void Batch::write_current(const StepArrays& arrays) const {
     }
 }
 
+void Batch::close() {
+    closed_ = true;
+    background_.reset();
+    envs_.reset();
+}
+
 std::string Batch::save(std::int64_t index) const {
     const auto record = envs().record(index);
     const auto i = static_cast<std::size_t>(index);

@@ -110,6 +110,11 @@ class Batch {
     /// environment must then be reset.
     void restore(std::int64_t index, std::string_view saved);
 
+    /// Ends the environments and their threads, after the step that is under way; stacks() stay. Nothing but
+    /// is_closed() and stacks() may be called any more.
+    void close();
+    bool is_closed() const { return closed_; }  // whether close() was called
+
     /// For pictures, memory and frame numbers. Throws std::logic_error before the first reset().
     const Env& env(std::int64_t index) const;
 
@@ -148,6 +153,7 @@ class Batch {
     };
     std::vector<State> states_;
     std::unique_ptr<VectorEnv> envs_;  // none before the first reset()
+    bool closed_ = false;
 
     std::vector<float> sent_coordinates_;
     std::vector<std::int64_t> sent_numbers_;

@@ -222,7 +222,7 @@ class Envs {
         }
         return run_without_gil([&] {
             const std::lock_guard lock(mutex_);
-            if (batch_ == nullptr) throw std::runtime_error("these environments are closed");
+            if (batch_->is_closed()) throw std::runtime_error("these environments are closed");
             return work(*batch_);
         });
     }
@@ -243,18 +243,19 @@ class Envs {
         sent_arrays_ = std::move(arrays);
     }
     void recv() {
-        const auto arrays = std::move(sent_arrays_);  // until all is written to them
+        const nb::object arrays = sent_arrays_;  // until all is written to them
         run([&](Batch& batch) {
             if (!sent_) throw std::logic_error("nothing was sent: call send() first");
             sent_ = false;
             batch.end_step();
         });
+        if (sent_arrays_.is(arrays)) sent_arrays_.reset();  // and nobody has sent since
     }
     void close() {
         if (process_ != getpid()) return;
         without_gil([&] {
             const std::lock_guard lock(mutex_);
-            batch_.reset();
+            batch_->close();
         });
     }
 
@@ -263,7 +264,7 @@ class Envs {
     std::mutex mutex_;
     nb::object sent_arrays_;
     bool sent_ = false;
-    std::unique_ptr<Batch> batch_;  // none once closed; the last member, whose threads use the others
+    std::unique_ptr<Batch> batch_;  // the last member: its threads use the others
 };
 
 nb::object action_space(Envs& envs) {

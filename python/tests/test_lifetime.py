@@ -1,5 +1,6 @@
 """Threads, processes and memory: what must not hang, crash or leak."""
 import gc
+import importlib.util
 import os
 import pathlib
 import subprocess
@@ -15,10 +16,25 @@ import pytest
 import cale
 
 
-def run(script, timeout=60):
+def run(script, timeout=120, **environment):
     """Runs a script in an interpreter of its own."""
     return subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True,
-                          timeout=timeout, env=os.environ)
+                          timeout=timeout, env=os.environ | environment)
+
+
+def test_the_roms_of_ale_py_are_found(tmp_path):
+    cache = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache"))
+    roms = pathlib.Path(os.environ.get("CALE_DEPS_DIR", cache / "cale")) / "roms"
+    (tmp_path / "ale_py").mkdir()
+    (tmp_path / "ale_py/__init__.py").write_text("raise ImportError('it need not be imported')")
+    (tmp_path / "ale_py/roms").symlink_to(roms)
+    make = "import cale; cale.Env('pong')"
+    if importlib.util.find_spec("ale_py") is None:
+        without = run(make, CALE_DEPS_DIR="/nowhere", ALE_ROMS_DIR="")
+        assert "FileNotFoundError: the ROM file pong.bin is not in /nowhere/roms: run scripts/setup" in without.stderr
+    for found in ({"PYTHONPATH": str(tmp_path)}, {"ALE_ROMS_DIR": str(roms)}):
+        ran = run(make, **{"CALE_DEPS_DIR": "/nowhere", "ALE_ROMS_DIR": "", **found})
+        assert (ran.returncode, ran.stderr) == (0, "")
 
 
 def test_the_interpreter_ends_while_environments_step():

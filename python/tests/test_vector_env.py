@@ -238,6 +238,8 @@ def test_bad_calls_get_a_sentence():
         numbered.step([0, 4])
     with pytest.raises(ValueError, match="integers, not float64"):
         numbered.step([0.0, 1.0])
+    with pytest.raises(TypeError, match="an Env is one environment: cale.make_vec makes several"):
+        cale.Env("pong", num_envs=2)
     with pytest.raises(IndexError, match="there is no environment 2: they are 0 to 1"):
         envs.save(2)
     envs.close()

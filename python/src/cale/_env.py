@@ -38,6 +38,8 @@ class Env(gymnasium.Env):
         """Makes the environment."""
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
+        if "num_envs" in settings:
+            raise TypeError("an Env is one environment: cale.make_vec makes several")
         self.render_mode = render_mode
         try:
             self._core = _core.Envs(texts_of({"game": game, **settings}), _core.Autoreset.DISABLED)
