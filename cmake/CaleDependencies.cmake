@@ -17,8 +17,12 @@ if(CALE_BUILD_ENV)
     find_package(Threads REQUIRED)
     find_package(ale 0.12 CONFIG)
     if(NOT ale_FOUND)
+        set(setup scripts/setup)
+        if(NOT CALE_BUILD_POLICY)
+            set(setup "scripts/setup --no-torch")
+        endif()
         message(FATAL_ERROR "ALE 0.12.1, the emulator's C++ library, was not found in ${CALE_DEPS_DIR}. "
-            "Run scripts/setup, or point CMAKE_PREFIX_PATH at an installation of your own.")
+            "Run ${setup}, or point CMAKE_PREFIX_PATH at an installation of your own.")
     endif()
 endif()
 
