@@ -74,7 +74,7 @@ def test_a_vector_environment_is_gymnasiums_of_single_ones(kind, mode):
     np.testing.assert_array_equal(our_obs, their_obs)
     assert same_infos(our_infos, their_infos)
     ends = 0
-    for _ in range(250):
+    for _ in range(160):
         actions = ours.action_space.sample()
         our_step, their_step = ours.step(actions), theirs.step(actions)
         for mine, other in zip(our_step[:4], their_step[:4]):

@@ -17,8 +17,8 @@ def recorded(repository, name, games):
 @pytest.mark.parametrize("name", ["road_runner_sac", "road_runner_joystick", "kung_fu_master_sac", "boxing_sac"])
 def test_games_are_those_of_the_tool(repository, name):
     """`cale evaluate` computes with LibTorch and recorded these games; the same games here have the same returns."""
-    played = cale.evaluate(repository / f"policies/{name}.safetensors", games=4)
-    assert list(zip(played.returns, played.lengths, played.frames)) == recorded(repository, name, 4)
+    played = cale.evaluate(repository / f"policies/{name}.safetensors", games=3)
+    assert list(zip(played.returns, played.lengths, played.frames)) == recorded(repository, name, 3)
 
 
 def test_a_policy_acts_on_numpys_observations(repository):
@@ -65,10 +65,10 @@ def test_a_noisy_policy_of_categories(repository):
 
 def test_evaluations_repeat_whatever_the_threads(repository):
     file = repository / "policies/road_runner_joystick.safetensors"
-    one, three = (cale.evaluate(file, games=3, seed=5, threads=threads) for threads in (1, 3))
-    np.testing.assert_array_equal(one.returns, three.returns)
+    one, two = (cale.evaluate(file, games=2, seed=5, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.returns, two.returns)
     assert one.mean == one.returns.mean()
-    other = cale.evaluate(file, games=3, seed=5, sticky_probability=0.25)
+    other = cale.evaluate(file, games=2, seed=5, sticky_probability=0.25)
     assert not np.array_equal(one.lengths, other.lengths)
 
 
