@@ -24,22 +24,12 @@ Decision in_box(const PolicyInfo& info, Coordinates x) {
     return decision(info, stick(info.joystick, std::span(x).first(box.size())));
 }
 
-/// The joystick for u, each coordinate any number.
-Decision squashed(const PolicyInfo& info, Coordinates u) {
-    for (float& coordinate : u) coordinate = std::tanh(coordinate);
-    return in_box(info, u);
-}
-
 float uniform(std::mt19937_64& random) {
     return static_cast<float>(random() >> 40) * 0x1p-24f;  // [0, 1)
 }
 
 Decision greedy(const PolicyInfo& info, std::span<const float> output) {
-    if (info.actions.empty()) {
-        Coordinates mean{};
-        std::copy_n(output.begin(), output.size() / 2, mean.begin());
-        return squashed(info, mean);
-    }
+    if (info.actions.empty()) return squashed_decision(info, output.first(output.size() / 2));
     return decision(info, std::max_element(output.begin(), output.end()) - output.begin());
 }
 
@@ -49,7 +39,7 @@ Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt1
         const auto size = output.size() / 2;
         Coordinates u{};
         for (std::size_t i = 0; i < size; ++i) u[i] = output[i] + std::exp(output[size + i]) * normal(random);
-        return squashed(info, u);
+        return squashed_decision(info, std::span(u).first(size));
     }
     double left = uniform(random);
     std::int64_t action = 0;
@@ -91,6 +81,12 @@ void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
 
 }  // namespace
 
+Decision squashed_decision(const PolicyInfo& info, std::span<const float> u) {
+    Coordinates x{};
+    std::transform(u.begin(), u.end(), x.begin(), [](float number) { return std::tanh(number); });
+    return in_box(info, x);
+}
+
 Policy Policy::load(const std::filesystem::path& file) {
     return parse(read_whole_file(file), file.string());
 }
@@ -128,6 +124,11 @@ Workspace Policy::workspace(std::size_t observations) const {
 
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace) const {
     return output(observation, workspace, nullptr);
+}
+
+std::span<const float> Policy::newest_output(const Workspace& workspace) const {
+    require_own(plan_.get(), workspace.plan_);
+    return plan_->output(workspace.numbers_, 0);
 }
 
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace,

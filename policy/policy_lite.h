@@ -76,6 +76,8 @@ class Policy {
 
     /// The network's output for one observation; valid until the workspace is used again.
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
+    /// That of the last observation acted on alone with this workspace, with the noise that was drawn.
+    std::span<const float> newest_output(const Workspace& workspace) const;
 
   private:
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace,
@@ -83,6 +85,10 @@ class Policy {
     explicit Policy(std::shared_ptr<const InferencePlan> plan) : plan_(std::move(plan)) {}
     std::shared_ptr<const InferencePlan> plan_;
 };
+
+/// Returns the decision for a draw u of a policy's Gaussian, before the tanh: as many numbers as its joystick
+/// has coordinates.
+Decision squashed_decision(const PolicyInfo& info, std::span<const float> u);
 
 /// The instruction set that this library computes with on this machine: "avx512", "avx2" or "portable".
 std::string_view instruction_set();

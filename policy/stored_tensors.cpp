@@ -38,8 +38,9 @@ struct Entry {
 
 std::size_t natural(std::string_view value, const std::string& what) {
     const auto result = json_natural(value);
-    if (!result) throw FileDamage({what, " is not a whole number from 0"});
-    return *result;
+    if (!result || !std::in_range<std::size_t>(*result))
+        throw FileDamage({what, " is not a whole number from 0"});
+    return static_cast<std::size_t>(*result);
 }
 
 Entry parse_entry(const std::string& name, std::string_view description, std::size_t data_size) {
@@ -66,7 +67,7 @@ Entry parse_entry(const std::string& name, std::string_view description, std::si
             {tensor, " must have a list of at most ", number(kMaxDimensions), " sizes as its shape"});
     }
     Entry entry{name, static_cast<ElementType>(known - kElementTypes.begin()), {}, 0, 0};
-    constexpr std::size_t max_bytes = std::numeric_limits<std::int64_t>::max();
+    constexpr std::size_t max_bytes = std::numeric_limits<std::ptrdiff_t>::max();
     // Without the zeros: strides are products of sizes even where there are no elements.
     std::size_t extent = known->size;
     bool is_empty = false;
@@ -138,8 +139,8 @@ StoredTensors stored_tensors(std::string_view file) {
         throw FileDamage({"its header of ", number(length),
                           " bytes does not fit; it is cut off or not a safetensors file"});
     }
-    const auto data = file.substr(kLengthSize + length);
-    auto header = file.substr(kLengthSize, length);
+    auto header = file.substr(kLengthSize, static_cast<std::size_t>(length));
+    const auto data = file.substr(kLengthSize + header.size());
     check_json(header);
     header.remove_prefix(std::min(header.find_first_not_of(" \t\n\r"), header.size()));
     const auto members = json_members(header);
@@ -212,7 +213,7 @@ std::string read_whole_file(const std::filesystem::path& path) {
     if (std::filesystem::is_directory(path, ignored)) fail(EISDIR);
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     if (!file) fail(errno);
-    const auto size = file.tellg();
+    const auto size = static_cast<std::streamsize>(file.tellg());
     std::string bytes;
     if (size > 0) {
         bytes.resize(static_cast<std::size_t>(size));

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -322,11 +323,33 @@ TEST(LitePolicy, ThreadsShareAPolicy) {
     EXPECT_EQ(different, 0);
 }
 
+TEST(LitePolicy, TheNewestOutputIsThatOfTheDecision) {
+    for (const auto* name : {"sac", "der"}) {
+        const auto policy = policy_of(named(name));
+        auto workspace = policy.workspace(), other = policy.workspace();
+        std::mt19937_64 random(1);
+        for (const int seed : {3, 4}) {
+            const auto pixels = random_pixels(policy.info().observation_size(), seed);
+            const auto decision = policy.act(pixels, workspace, Choice::greedy, random);
+            const auto expected = policy.output(pixels, other);
+            const auto newest = policy.newest_output(workspace);
+            EXPECT_TRUE(std::ranges::equal(newest, expected)) << name;
+            if (!policy.info().actions.empty()) continue;
+            const auto mean = lite::squashed_decision(policy.info(), newest.first(newest.size() / 2));
+            EXPECT_EQ(mean.stick.radius, decision.stick.radius);
+            EXPECT_EQ(mean.stick.theta, decision.stick.theta);
+            EXPECT_EQ(mean.event, decision.event);
+        }
+    }
+}
+
 TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
     const auto policy = policy_of(named("sac")), other = policy_of(named("ppo"));
     auto workspace = policy.workspace();
     const auto pixels = random_pixels(policy.info().observation_size(), 3);
     EXPECT_THAT(test::message_of([&] { other.act(pixels, workspace); }), HasSubstr("made by another policy"));
+    EXPECT_THAT(test::message_of([&] { other.newest_output(workspace); }),
+                HasSubstr("made by another policy"));
     EXPECT_EQ(test::message_of([&] { policy.act(std::span(pixels).first(5), workspace); }),
               "an observation has 5 bytes: it must have 756");
 }
