@@ -116,6 +116,11 @@ std::string rom_md5(const std::filesystem::path& rom_file) {
     return ale::stella::MD5(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
 }
 
+std::string rom_name(const std::filesystem::path& rom_file) {
+    const std::unique_ptr<const ale::RomSettings> known(ale::buildRomRLWrapper("", rom_md5(rom_file)));
+    return known == nullptr ? "" : known->rom();
+}
+
 struct Emulator::Impl {
     Impl(const Game& game, const std::filesystem::path& rom_file, float sticky, std::uint32_t seed)
         : ale(load(game, rom_file, sticky, seed)),

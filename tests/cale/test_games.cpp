@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <filesystem>
+#include <stdexcept>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,6 +9,7 @@
 #include "cale/env.h"
 #include "cale/games.h"
 #include "message_of.h"
+#include "support/temporary_folder.h"
 
 namespace {
 
@@ -47,6 +50,16 @@ TEST(Games, TheNearestGameIsNamed) {
     EXPECT_THAT(refusal("ALE/SpaceInvader-v5"), HasSubstr("space_invaders"));
     EXPECT_THAT(refusal("ms_pacmen"), HasSubstr("ms_pacman"));
     EXPECT_THAT(refusal(""), HasSubstr("no game ''"));
+}
+
+TEST(EmulatorGames, ARomIsKnownByItsContents) {
+    const test::TemporaryFolder folder;
+    const auto rom = cale::find_rom("ms_pacman", "");
+    std::filesystem::copy(rom, folder / "mystery");
+    EXPECT_EQ(cale::rom_name(folder / "mystery"), "ms_pacman");
+    EXPECT_EQ(cale::rom_name(cale::find_rom("pong", "").parent_path() / "adventure.bin"), "adventure");
+    EXPECT_EQ(cale::rom_name(folder.write("pong.bin", "no ROM")), "");
+    EXPECT_THROW(cale::rom_name(folder / "nothing"), std::runtime_error);
 }
 
 TEST(EmulatorGames, AllSixtyLoadAndStep) {
