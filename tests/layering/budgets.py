@@ -9,7 +9,7 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1])
 FOLDERS = ("world cale policy networks storage terminal replay dopamine parallel agents settings report evaluate "
-           "train sweep play tools python").split()
+           "train sweep play tools python web").split()
 INCLUDE = re.compile(r'\s*#include\s+["<]([^">]+)[">]')
 
 READING = {"agents/sac.cpp": (42, 3800)}  # files, lines

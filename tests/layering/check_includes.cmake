@@ -20,14 +20,15 @@ set(allowed_sweep sweep train replay settings storage terminal cale world)
 set(allowed_play play evaluate settings policy/torch policy report cale world)
 set(allowed_tools tools play sweep ${allowed_train})
 set(allowed_python python policy cale world)
+set(allowed_web web policy cale)
 set(folders world cale policy networks policy/torch policy/onnx storage terminal replay dopamine parallel parallel/cpu parallel/cuda
-    agents agents/cpu agents/cuda settings report evaluate train sweep play tools python)
+    agents agents/cpu agents/cuda settings report evaluate train sweep play tools python web)
 foreach(folder parallel agents)  # what is different for a device
     set(allowed_${folder}/cpu ${allowed_${folder}})
     set(allowed_${folder}/cuda ${allowed_${folder}})
 endforeach()
 # The standard library is enough for these, or the libraries that are neither LibTorch nor ALE.
-set(without_torch world cale policy policy/onnx storage report python)
+set(without_torch world cale policy policy/onnx storage report python web)
 
 set(mistakes "")
 set(files_seen 0)

@@ -1,0 +1,32 @@
+// The WebAssembly module: whether the browser can run it, and how it is loaded.
+import createModule from './cale_module.js';
+
+/** The smallest module with a vector instruction. */
+const simdModule = new Uint8Array([
+    0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11,
+]);
+
+/** Returns what this browser lacks, as a sentence; nothing if it lacks nothing. */
+export function missingFeature() {
+    if (typeof WebAssembly !== 'object') return 'This browser has no WebAssembly, in which the game runs.';
+    if (!WebAssembly.validate(simdModule)) {
+        return 'This browser’s WebAssembly has no SIMD, which the emulator and the policy need: Chrome and Edge have it ' +
+            'from version 91 on, Firefox from 89, Safari from 16.4.';
+    }
+    return '';
+}
+
+/** Returns a session (web/session.h) of a module of its own. */
+export async function openSession() {
+    const module = await createModule();
+    return new module.Session();
+}
+
+/** Returns a file of this folder. Throws an Error whose message is a sentence. */
+export async function fetchBytes(name) {
+    const response = await fetch(name).catch((error) => {
+        throw new Error(`${name} could not be read: ${error.message}.`);
+    });
+    if (!response.ok) throw new Error(`${name} could not be read: the server answers ${response.status}.`);
+    return new Uint8Array(await response.arrayBuffer());
+}

@@ -1,0 +1,99 @@
+// A person's hand on the joystick: keys, a pointer on the dial, a gamepad. Whatever moves takes over from the policy,
+// until it is given back. Keys do what they do in `cale play` (play/keyboard.cpp).
+import { actionAt } from './joystick.mjs';
+
+const directions = {
+    ArrowUp: 'up', KeyW: 'up', ArrowDown: 'down', KeyS: 'down', ArrowLeft: 'left', KeyA: 'left', ArrowRight: 'right',
+    KeyD: 'right', Space: 'fire', ShiftLeft: 'half', ShiftRight: 'half',
+};
+const deadZone = 0.15;      // of an analog stick at rest
+const movedOnPurpose = 0.3; // of one that takes over
+const startButton = 9;
+
+export class Hand {
+    taken = false;
+    #held = {};
+    #reach = 1;
+    #pointer = null;      // {x, y}, where it holds the stick
+    #pointerFires = false;
+    #source = 'keys';     // of the stick: 'keys' or 'pad'; a pointer goes before either
+    #pad = { x: 0, y: 0, fire: false, start: false };
+    #changed;
+
+    /** `changed` is called when the hand takes over or gives back. */
+    constructor(changed) {
+        this.#changed = changed;
+    }
+
+    take(source = this.#source) {
+        this.#source = source;
+        if (this.taken) return;
+        this.taken = true;
+        this.#changed();
+    }
+
+    giveBack() {
+        this.release();
+        if (!this.taken) return;
+        this.taken = false;
+        this.#changed();
+    }
+
+    /** Lets go of everything: what is released in another window is never heard of. */
+    release() {
+        this.#held = {};
+        this.#pointer = null;
+        this.#pointerFires = false;
+    }
+
+    /** Handles a key by its `code`. Returns whether it is one of the joystick's. */
+    key(code, down) {
+        const held = directions[code];
+        if (held) {
+            this.#held[held] = down;
+            if (down && held !== 'half') this.take('keys');
+            return true;
+        }
+        const digit = /^(?:Digit|Numpad)(\d)$/.exec(code);
+        if (digit && down) this.#reach = digit[1] === '0' ? 1 : digit[1] / 10;
+        return digit !== null;
+    }
+
+    /** A pointer holds the stick at (x, y), or, without these, lets go of it. */
+    point(x, y) {
+        this.#pointer = x === undefined ? null : { x, y };
+        if (this.#pointer) this.take('keys');
+    }
+
+    pointerFires(down) {
+        this.#pointerFires = down;
+        if (down) this.take();
+    }
+
+    /** Reads a gamepad, if there is one. */
+    poll(gamepad) {
+        const before = this.#pad;
+        const pressed = (button) => Boolean(gamepad?.buttons[button]?.pressed);
+        const [x = 0, down = 0] = gamepad?.axes ?? [];
+        const far = Math.hypot(x, down);
+        const reach = far <= deadZone ? 0 : Math.min(1, (far - deadZone) / (1 - deadZone)) / far;
+        this.#pad = {
+            x: reach * x, y: -reach * down, fire: [0, 1, 2, 3].some(pressed), start: pressed(startButton),
+        };
+        if (far > movedOnPurpose || (this.#pad.fire && !before.fire)) this.take('pad');
+        if (this.#pad.start && !before.start) this.giveBack();
+    }
+
+    /** Returns (r, theta, fire); opposite keys cancel out. */
+    action() {
+        const pad = this.#source === 'pad';
+        const fire = this.#held.fire || this.#pointerFires || (pad && this.#pad.fire) ? 1 : 0;
+        if (this.#pointer) return actionAt(this.#pointer.x, this.#pointer.y, fire);
+        if (pad) return actionAt(this.#pad.x, this.#pad.y, fire);
+        const x = Number(this.#held.right ?? 0) - Number(this.#held.left ?? 0);
+        const y = Number(this.#held.up ?? 0) - Number(this.#held.down ?? 0);
+        const far = Math.hypot(x, y) || 1;
+        const reach = this.#held.half ? this.#reach / 2 : this.#reach;
+        return actionAt(x / far * reach, y / far * reach, fire);
+    }
+}
