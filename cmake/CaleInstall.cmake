@@ -38,6 +38,9 @@ if(programs)
     install(TARGETS ${programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT train)
     install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs ${PROJECT_SOURCE_DIR}/sweeps
         ${PROJECT_SOURCE_DIR}/data ${PROJECT_SOURCE_DIR}/policies DESTINATION ${CMAKE_INSTALL_DATADIR}/cale COMPONENT train)
+    # Where scripts/web has built it.
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/build-web/page/ DESTINATION ${CMAKE_INSTALL_DATADIR}/cale/web
+        COMPONENT train OPTIONAL)
 endif()
 
 # cale-NAME.pc: what a program without CMake says to the compiler and to the linker. VARIABLE names a dependency's

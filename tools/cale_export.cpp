@@ -5,49 +5,95 @@
 #include <fmt/format.h>
 
 #include "cale/text.h"
+#include "settings/config.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 #include "train/export.h"
 
 namespace cale {
 
-void add_export(CLI::App& app) {
-    struct Options {
-        std::string from, output, format;
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+    std::string from, output, format, web;
+};
+
+/// Where cmake --install put the page beside the program, else where scripts/web builds it.
+fs::path built_page() {
+    const fs::path installed =
+        fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "share/cale/web";
+    return fs::exists(installed) ? installed : fs::path(CALE_WEB_DIR);
+}
+
+std::string description(const PolicyInfo& info) {
+    const auto origin = [&](const char* name) {
+        const auto found = info.provenance.find(name);
+        return found == info.provenance.end() ? std::string("unknown") : printable(found->second);
     };
-    auto& command =
-        *app.add_subcommand("export", "Makes a policy file, for other programs, of what a run learned.");
+    return fmt::format("{} on {}, {}{} agent steps, seed {}", printable(info.agent), printable(info.game),
+                       info.encoder.empty() ? "" : printable(info.encoder) + ", ", origin("agent_steps"),
+                       origin("seed"));
+}
+
+void export_file(const Options& options) {
+    check_output_file("--output", options.output);
+    const fs::path output = options.output;
+    const bool onnx = options.format.empty() ? output.extension() == ".onnx" : options.format == "onnx";
+    const auto write = onnx ? export_onnx : export_policy;
+    const auto info = write(options.from, output);
+    fmt::print("{}: {}; {:.1f} MB\n", options.output, description(info),
+               static_cast<double>(fs::file_size(output)) / 1e6);
+}
+
+void export_page(const Options& options) {
+    make_output_folder("--web", options.web);
+    const auto info = export_web_page(options.from, built_page(), options.web);
+    fmt::print(
+        "{}: {}\nTo see it: python3 -m http.server --directory {}, then http://localhost:8000 and a ROM of "
+        "{}\n",
+        options.web, description(info), options.web, printable(info.game));
+}
+
+}  // namespace
+
+void add_export(CLI::App& app) {
+    auto& command = *app.add_subcommand(
+        "export", "Makes a policy file, for other programs, or a web page of what a run learned.");
     const auto options = std::make_shared<Options>();
-    command.add_option("PATH", options->from, "a checkpoint, or a run: its newest checkpoint")
+    command.add_option("PATH", options->from, "a checkpoint, a run: its newest checkpoint, or a policy file")
         ->required()
         ->type_name("FILE");
-    command.add_option("-o,--output", options->output, "the file to write")->required()->type_name("FILE");
+    auto* file = command.add_option("-o,--output", options->output, "the file to write")->type_name("FILE");
     command
         .add_option("--format", options->format,
                     "policy: docs/policy_file.md; onnx: for ONNX runtimes; else onnx if the file's name ends "
                     "in .onnx, and policy if not")
+        ->needs(file)
         ->transform(one_of({"policy", "onnx"}))
         ->type_name("NAME");
+    auto* web = command
+                    .add_option("--web", options->web,
+                                "instead of a file, the folder for a page in which the policy plays: "
+                                "docs/web.md; scripts/web must have built the page")
+                    ->excludes(file)
+                    ->type_name("DIR");
     command.footer(
         "Examples:\n"
         "  cale export runs/Breakout__sac__1__1795270400 -o breakout.safetensors\n"
         "  cale export runs/Breakout__sac__1__1795270400/checkpoints/step_000100000 -o breakout.onnx\n"
+        "  cale export policies/road_runner_sac.safetensors --web site\n"
         "\n"
         "Exit codes: 0 done, 1 failed, 2 usage.");
-    command.callback([options] {
-        check_output_file("--output", options->output);
-        const std::filesystem::path output = options->output;
-        const bool onnx = options->format.empty() ? output.extension() == ".onnx" : options->format == "onnx";
-        const auto write = onnx ? export_onnx : export_policy;
-        const auto info = write(options->from, output);
-        const auto origin = [&](const char* name) {
-            const auto found = info.provenance.find(name);
-            return found == info.provenance.end() ? std::string("unknown") : printable(found->second);
-        };
-        fmt::print("{}: {} on {}, {}{} agent steps, seed {}; {:.1f} MB\n", options->output,
-                   printable(info.agent), printable(info.game),
-                   info.encoder.empty() ? "" : printable(info.encoder) + ", ", origin("agent_steps"),
-                   origin("seed"), static_cast<double>(std::filesystem::file_size(output)) / 1e6);
+    command.callback([options, file, web] {
+        if (file->count() == 0 && web->count() == 0)
+            throw ConfigError("give --output FILE, the file to write, or --web DIR, the folder for a page");
+        if (web->count() > 0) {
+            export_page(*options);
+        } else {
+            export_file(*options);
+        }
     });
 }
 

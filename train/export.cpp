@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
+#include "cale/games.h"
 #include "policy/onnx/onnx.h"
 #include "policy/policy_file.h"
 #include "settings/config.h"
@@ -107,6 +108,21 @@ PolicyInfo export_onnx(const fs::path& path, const fs::path& output) {
     const auto contents = policy_file_of(path);
     auto info = Policy::parse(contents, path.string()).info();
     write_file_atomically(output, onnx_model(parse_policy_file(contents)));
+    return info;
+}
+
+PolicyInfo export_web_page(const fs::path& path, const fs::path& page, const fs::path& folder) {
+    if (!fs::exists(page / "cale_module.wasm")) {
+        throw std::runtime_error(
+            fmt::format("the web page is not built, there is no {}: run scripts/web", page.string()));
+    }
+    const auto contents = policy_file_of(path);
+    auto info = Policy::parse(contents, path.string()).info();
+    static_cast<void>(games_of(env_config_of(info).game));
+    fs::create_directories(folder);
+    for (const auto& file : fs::directory_iterator(page))
+        fs::copy_file(file, folder / file.path().filename(), fs::copy_options::overwrite_existing);
+    write_file_atomically(folder / "policy.safetensors", contents);
     return info;
 }
 

@@ -25,6 +25,13 @@ PolicyInfo export_policy(const std::filesystem::path& path, const std::filesyste
 /// coordinates] float32 or [N] int64, which is the greedy one, and "output" as Policy::output.
 PolicyInfo export_onnx(const std::filesystem::path& path, const std::filesystem::path& output);
 
+/// Writes the web page of the policy to `folder`, which is made if need be, over files of these names that
+/// are there: the page itself, copied from `page`, which scripts/web builds, and policy.safetensors. Returns
+/// the policy's description. Throws std::runtime_error for a policy that the page cannot play, and where
+/// `page` is not built.
+PolicyInfo export_web_page(const std::filesystem::path& path, const std::filesystem::path& page,
+                           const std::filesystem::path& folder);
+
 /// The environment that the policy was trained in: the `env` section of its run's configuration.
 /// Throws std::runtime_error where the policy does not hold one.
 EnvConfig env_config_of(const PolicyInfo& info);

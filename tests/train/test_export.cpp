@@ -30,6 +30,7 @@
 #include "train/safetensors.h"
 #include "train/training.h"
 #include "train/training_world.h"
+#include "web/settings.h"
 
 namespace cale {
 namespace {
@@ -212,13 +213,18 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo" || GetParam().name.starts_with("der_noisy"));
     EXPECT_EQ(info.provenance.at("agent_steps"), "1234");
     EXPECT_EQ(info.provenance.at("seed"), "1");
-    const auto env = env_config_of(info);
+    auto env = env_config_of(info);
     EXPECT_EQ(env.game, "breakout");
     EXPECT_EQ(env.threshold, 0.25);
     EXPECT_EQ(env.action_space, GetParam().env.action_space);
     EXPECT_EQ(env.joystick, GetParam().env.joystick);
     EXPECT_TRUE(env.rom_dir.empty());
     EXPECT_EQ(info.provenance.at("config").find("somebody"), std::string::npos);
+    // The web page reads the same without a library for YAML.
+    const auto in_page = web::trained_env(info);
+    fields(env, [&](std::string_view name, const auto&...) {
+        EXPECT_EQ(web::setting(in_page, name), web::setting(env, name)) << name;
+    });
 }
 
 /// What real Python packages, installed by scripts/setup --with-tests, make of the files.
@@ -285,6 +291,23 @@ class ExportRefusesEmulator : public ExportEmulator {
     }
 };
 INSTANTIATE_TEST_SUITE_P(One, ExportRefusesEmulator, testing::Values(cases()[3]));
+
+TEST_P(ExportRefusesEmulator, AWebPageThatIsNotBuilt) {
+    const auto page = folder / "page", site = folder / "sites" / "one";
+    const auto write = [&] { return export_web_page(run, page, site); };
+    EXPECT_EQ(test::error_of<std::runtime_error>(write),
+              "the web page is not built, there is no " + page.string() + ": run scripts/web");
+    EXPECT_FALSE(fs::exists(site));
+    fs::create_directories(page);
+    write_file_atomically(page / "index.html", "<!DOCTYPE html>");
+    write_file_atomically(page / "cale_module.wasm", "asm");
+    for (int time = 0; time < 2; ++time) {  // the second time over what is there
+        EXPECT_EQ(write().game, "Breakout");
+        EXPECT_EQ(read_file(site / "index.html"), "<!DOCTYPE html>");
+        EXPECT_EQ(read_file(site / "cale_module.wasm"), "asm");
+        EXPECT_EQ(read_file(site / "policy.safetensors"), policy_file_of(run));
+    }
+}
 
 TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     const auto prefix = "no policy can be made of '" + run.string() + "': ";

@@ -694,6 +694,9 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
              "cale evaluate: --device must be auto, cpu, cuda or cuda:<index>, not 'foo'"},
             {"play", "cale play: give a GAME, a --policy FILE, or both"},
             {"map -o .", "cale map: --output .: that is a folder; give the name of a file"},
+            {"export x",
+             "cale export: give --output FILE, the file to write, or --web DIR, the folder for a page"},
+            {"export x -o y --web z", "cale export: --output excludes --web: give one of them"},
             {"export x -o /nowhere/x",
              "cale export: --output /nowhere/x: there is no folder '/nowhere'; make it, or give another"}}) {
         const auto said = cale_says(words);
