@@ -38,19 +38,23 @@ std::string method_of_bands(const Comparison& comparison) {
     return (some_interval(comparison) ? "pointwise; " : "") + method_of(comparison, resamples);
 }
 
-/// An interval as a bar, its estimate as a line across.
+/// A group's interval as a bar, its estimate as a line across.
 void draw_interval(Picture& picture, const Panel& panel, const Estimate& estimate, double y,
-                   bool with_interval, Colour colour) {
+                   bool with_interval, std::size_t series) {
     constexpr double kHalf = 8;
+    const auto colour = series_colour(series);
+    const Belonging of{.series = static_cast<int>(series)};
     if (with_interval) {
         picture.areas.push_back(rectangle(panel.to_x(estimate.low), y - kHalf, panel.to_x(estimate.high),
                                           y + kHalf, colour, 0.55));
+        picture.areas.back().of = of;
     } else {
         picture.marks.push_back(disc({panel.to_x(estimate.value), y}, 4, colour));
+        picture.marks.back().of = of;
         return;
     }
     const double x = panel.to_x(estimate.value);
-    picture.lines.push_back({{{x, y - kHalf}, {x, y + kHalf}}, kInk, 1.8});
+    picture.lines.push_back({{{x, y - kHalf}, {x, y + kHalf}}, kInk, 1.8, false, of});
 }
 
 void draw_vertical_grid(Picture& picture, const Panel& panel, int count) {
@@ -113,7 +117,7 @@ Picture aggregate_figure(const Comparison& comparison) {
         double y = top + kRow / 2;
         for (std::size_t i = 0; i < comparison.results.size(); ++i, y += kRow) {
             const auto& result = comparison.results[i];
-            draw_interval(picture, panel, result.aggregates[m], y, result.has_interval(), series_colour(i));
+            draw_interval(picture, panel, result.aggregates[m], y, result.has_interval(), i);
         }
         for (const auto& result : comparison.baselines) {
             picture.marks.push_back(diamond({panel.to_x(result.aggregates[m].value), y}, 6, kFaintInk));
@@ -177,7 +181,7 @@ Picture improvement_figure(const Comparison& comparison) {
         picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
         draw_interval(picture, panel, probability, y,
                       comparison.results[first].has_interval() || comparison.results[second].has_interval(),
-                      series_colour(first));
+                      first);
     }
     finish_picture(picture, panel.bottom + 34, method_of(comparison, comparison.config.bootstrap.resamples));
     return picture;

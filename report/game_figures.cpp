@@ -192,6 +192,7 @@ void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std
             const double y = top + thickness * static_cast<double>(group);
             picture.areas.push_back(rectangle(panel.left, y, panel.to_x(shares[group][event]), y + thickness,
                                               series_colour(group)));
+            picture.areas.back().of.series = static_cast<int>(group);
         }
     }
     picture.lines.push_back({{{panel.left, panel.top}, {panel.left, panel.bottom}}, kFaintInk, 1});
@@ -207,6 +208,7 @@ std::string interval_text(const Comparison& comparison, std::string_view shown_a
 
 struct EventPanel {
     std::string title{};
+    std::string game{};                         // none: the mean over several
     std::vector<std::vector<double>> shares{};  // by group and Event
 };
 
@@ -215,7 +217,7 @@ std::vector<EventPanel> event_panels(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_events);
     std::vector<EventPanel> panels;
     for (const auto& row : rows) {
-        EventPanel panel{.title = std::string(row.game->name)};
+        EventPanel panel{.title = std::string(row.game->name), .game = std::string(row.game->name)};
         for (const auto* result : row.results)
             panel.shares.push_back(result == nullptr ? std::vector<double>() : result->event_shares);
         panels.push_back(std::move(panel));
@@ -256,6 +258,7 @@ Picture game_curves_figure(const Comparison& comparison) {
         Panel panel = grid.panel(i);
         panel.x = {0, last_step};
         panel.y = room_for(values);
+        const auto before = extent_of(picture);
         draw_axes(picture, panel, 3, 4, 11);
         title_panel(picture, panel, rows[i].game->name);
         draw_references(picture, panel, std::move(seen));
@@ -265,6 +268,7 @@ Picture game_curves_figure(const Comparison& comparison) {
                 draw_curve(picture, panel, result->curve.steps, result->curve.values, group,
                            result->runs.size() > 1);
         }
+        assign_panel(picture, before, panel, rows[i].game->name);
     }
     finish_picture(
         picture, grid.bottom(),
@@ -341,8 +345,10 @@ Picture event_figure(const Comparison& comparison) {
                           .right = left + panel_width,
                           .bottom = bottom,
                           .x = {0, 1.05 * highest}};
+        const auto before = extent_of(picture);
         title_panel(picture, panel, panels[i].title);
         draw_event_bars(picture, panel, panels[i].shares);
+        assign_panel(picture, before, panel, panels[i].game);
     }
     finish_picture(
         picture, bottom + 28,
@@ -407,12 +413,17 @@ Picture zone_figure(const Comparison& comparison) {
     auto rows = rows_with(comparison, has_zones);
     rows.resize(std::min<std::size_t>(rows.size(), 6));
     const auto labels = labels_of(comparison);
-    std::vector<std::pair<std::string, const std::vector<ZoneRow>*>> shown;
+    struct Shown {
+        std::string_view game;
+        std::string title;
+        const std::vector<ZoneRow>& zones;
+    };
+    std::vector<Shown> shown;
     for (const auto& row : rows) {
         for (std::size_t group = 0; group < row.results.size(); ++group) {
             const auto which = labels.size() == 1 ? "" : ": " + letter(group);
             if (const auto* result = row.results[group]; result != nullptr)
-                shown.emplace_back(std::string(row.game->name) + which, &result->zones);
+                shown.push_back({row.game->name, std::string(row.game->name) + which, result->zones});
         }
     }
     auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
@@ -421,12 +432,14 @@ Picture zone_figure(const Comparison& comparison) {
     const Grid grid(shown.size(), 100 + key);
     for (std::size_t i = 0; i < shown.size(); ++i) {
         Panel panel = grid.panel(i);
-        const auto& [title, zones] = shown[i];
-        panel.x = {0, zones->back().step};
+        const auto& [game, title, zones] = shown[i];
+        panel.x = {0, zones.back().step};
         panel.y = {0, 1};
+        const auto before = extent_of(picture);
         draw_axes(picture, panel, 3, 2, 11);
         title_panel(picture, panel, title);
-        draw_zones(picture, panel, *zones);
+        draw_zones(picture, panel, zones);
+        assign_panel(picture, before, panel, game);
     }
     finish_picture(
         picture, grid.bottom(),
@@ -447,6 +460,7 @@ Picture reward_figure(const Comparison& comparison) {
                 for (const auto& [quantile, reward] : result->reward_quantiles) rewards.push_back(reward);
         Panel panel = grid.panel(i);
         panel.y = room_for(rewards);
+        const auto before = extent_of(picture);
         draw_axes(picture, panel, 4, 4, 11);
         title_panel(picture, panel, rows[i].game->name);
         for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
@@ -460,6 +474,7 @@ Picture reward_figure(const Comparison& comparison) {
             }
             draw_curve(picture, panel, x, y, group, false);
         }
+        assign_panel(picture, before, panel, rows[i].game->name);
     }
     finish_picture(
         picture, grid.bottom(),

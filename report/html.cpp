@@ -48,16 +48,28 @@ tbody th { font-weight: 400; }
 tr:last-child td, tr:last-child th { border-bottom: 0; }
 td.best { font-weight: 700; color: var(--strong); }
 code { font: 13.5px/1.5 ui-monospace, Menlo, Consolas, monospace; overflow-wrap: anywhere; }
-@media print { body { background: none; } .card { border: 0; } nav { display: none; } }
+.tools { position: sticky; top: 0; z-index: 1; display: flex; flex-wrap: wrap; gap: 6px 8px; align-items: center;
+         background: var(--ground); padding: 10px 0; border-bottom: 1px solid var(--grid); }
+.tools button, .tools input { font: inherit; font-size: 14px; color: var(--ink); background: var(--paper); cursor: pointer;
+         border: 1px solid var(--grid); border-radius: 7px; padding: 4px 10px; min-height: 32px; }
+.tools input { cursor: text; margin-left: auto; }
+.tools ~ h2 { scroll-margin-top: 60px; }
+.tools button[aria-pressed="false"] { opacity: .5; text-decoration: line-through; }
+.tools i { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 7px; }
+.value { position: fixed; z-index: 2; pointer-events: none; background: var(--paper); color: var(--strong);
+         border: 1px solid var(--faint); border-radius: 7px; padding: 5px 10px; font-size: 13.5px; white-space: pre-line;
+         font-variant-numeric: tabular-nums; }
+.hidden { display: none; }
+@media print { body { background: none; } .card { border: 0; } nav, .tools { display: none; } }
 )";
 
 /// Neutral colours follow the page's.
-std::string inline_svg(const Picture& picture) {
+std::string inline_svg(const Picture& picture, bool with_data) {
     const std::array<std::pair<Colour, std::string_view>, 4> themes{{{kPaper, "var(--paper)"},
                                                                      {kInk, "var(--ink)"},
                                                                      {kFaintInk, "var(--faint)"},
                                                                      {kGrid, "var(--grid)"}}};
-    std::string svg = to_svg(picture);
+    std::string svg = to_svg(picture, with_data);
     for (const auto& [colour, variable] : themes) {
         const auto fixed = fmt::format("\"{}\"", to_hex(colour)), themed = fmt::format("\"{}\"", variable);
         for (auto at = svg.find(fixed); at != svg.npos; at = svg.find(fixed, at + themed.size()))
@@ -127,14 +139,14 @@ std::string heading(std::string_view id, std::string_view title) {
     return fmt::format("<h2 id=\"{}\">{}</h2>\n", id, escaped(title));
 }
 
-std::string figure_section(const Comparison& comparison, const Figure& figure) {
+std::string figure_section(const Comparison& comparison, const Figure& figure, bool with_data) {
     std::string html =
         heading(figure.name, figure.title) + fmt::format("<p>{}</p>\n", escaped(figure.caption));
     if (figure.name == "game_scores") {
         html += html_table(game_table(comparison),
                            has_intervals(comparison) ? "Mean of the runs [interval]" : "Mean of the runs");
     } else {
-        html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture));
+        html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture, with_data));
     }
     std::vector<std::string> files{figure.name + ".svg", figure.name + ".png", figure.name + ".csv"};
     const bool is_table = figure.name == "aggregates" || figure.name == "game_scores" ||
@@ -215,10 +227,24 @@ std::string game_names(const Comparison& comparison) {
     return fmt::format("{}", fmt::join(names, ", "));
 }
 
+/// report_page.js, with the groups that its buttons are for.
+std::string script(const Comparison& comparison) {
+    constexpr std::string_view kScript =
+#include "report_page.inc"
+        ;
+    std::vector<std::string> groups;
+    const auto labels = labels_of(comparison);
+    for (std::size_t i = 0; i < labels.size(); ++i)
+        groups.push_back(fmt::format("<option data-colour=\"{}\">{}</option>", to_hex(series_colour(i)),
+                                     escaped(labels[i])));
+    return fmt::format("<datalist id=\"groups\">{}</datalist>\n<script>\n{}</script>\n",
+                       fmt::join(groups, ""), kScript);
+}
+
 }  // namespace
 
 std::string to_html(const Comparison& comparison, const std::vector<Figure>& figures,
-                    const PageOrigin& origin) {
+                    const PageOrigin& origin, bool with_script) {
     std::string html = fmt::format(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -238,9 +264,10 @@ std::string to_html(const Comparison& comparison, const std::vector<Figure>& fig
 
     html += note_box(comparison);
     html += setup_section(comparison);
-    for (const auto& figure : figures) html += figure_section(comparison, figure);
+    for (const auto& figure : figures) html += figure_section(comparison, figure, with_script);
     html += settings_section(comparison);
     html += method_section(comparison, origin);
+    if (with_script) html += script(comparison);
     return html + "</main>\n</body>\n</html>\n";
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace cale {
 namespace {
@@ -80,6 +81,22 @@ void finish_picture(Picture& picture, double bottom, const std::string& method) 
     picture.height = static_cast<int>(std::ceil(bottom + kRow));
 }
 
+Extent extent_of(const Picture& picture) {
+    return {picture.areas.size(), picture.lines.size(), picture.marks.size(), picture.words.size()};
+}
+
+void assign_panel(Picture& picture, const Extent& before, const Panel& panel, std::string_view game) {
+    const auto number = static_cast<int>(picture.panels.size());
+    const auto assign = [number](auto& elements, std::size_t first) {
+        for (std::size_t i = first; i < elements.size(); ++i) elements[i].of.panel = number;
+    };
+    assign(picture.areas, before.areas);
+    assign(picture.lines, before.lines);
+    assign(picture.marks, before.marks);
+    assign(picture.words, before.words);
+    picture.panels.push_back({std::string(game), panel.left, panel.top});
+}
+
 std::vector<double> fitting_ticks(const Panel& panel, int count, double text_size) {
     auto ticks = nice_ticks(panel.x.low, panel.x.high, count);
     for (; count > 1; --count) {
@@ -126,14 +143,18 @@ void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, d
 void draw_curve(Picture& picture, const Panel& panel, const std::vector<double>& x,
                 const std::vector<Estimate>& y, std::size_t series, bool with_band) {
     std::vector<Point> line, band;
+    std::vector<Sample> samples;
     for (std::size_t i = 0; i < x.size(); ++i) {
+        samples.push_back(
+            {x[i], y[i].value, with_band ? y[i].low : y[i].value, with_band ? y[i].high : y[i].value});
         line.push_back({panel.to_x(x[i]), panel.to_y(y[i].value)});
         band.push_back({panel.to_x(x[i]), panel.to_y(y[i].high)});
     }
     for (std::size_t i = x.size(); i-- > 0;) band.push_back({panel.to_x(x[i]), panel.to_y(y[i].low)});
     const auto colour = series_colour(series);
-    if (with_band) picture.areas.push_back({band, colour, 0.18});
-    picture.lines.push_back({line, colour, 2, series_dashed(series)});
+    const Belonging of{.series = static_cast<int>(series)};
+    if (with_band) picture.areas.push_back({band, colour, 0.18, of});
+    picture.lines.push_back({line, colour, 2, series_dashed(series), of, std::move(samples)});
 }
 
 double draw_legend(Picture& picture, const std::vector<std::string>& names, double left, double right,
@@ -146,8 +167,10 @@ double draw_legend(Picture& picture, const std::vector<std::string>& names, doub
             x = left;
             y += kRow;
         }
-        picture.lines.push_back({{{x, y}, {x + kSample, y}}, series_colour(i), 3, series_dashed(i)});
-        picture.words.push_back({names[i], {x + kSample + kGap, y + 4}, kInk, kSize});
+        const Belonging of{.series = static_cast<int>(i)};
+        picture.lines.push_back({{{x, y}, {x + kSample, y}}, series_colour(i), 3, series_dashed(i), of});
+        picture.words.push_back(
+            {names[i], {x + kSample + kGap, y + 4}, kInk, kSize, Anchor::start, false, of});
         x += width + kBetween;
     }
     return y + kRow / 2 - top;

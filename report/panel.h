@@ -51,6 +51,14 @@ struct Panel {
     double to_y(double value) const { return bottom - (value - y.low) / (y.high - y.low) * (bottom - top); }
 };
 
+/// How much of a picture there is.
+struct Extent {
+    std::size_t areas = 0, lines = 0, marks = 0, words = 0;
+};
+Extent extent_of(const Picture& picture);
+/// Says that what was drawn since there was `before` is the panel of a game.
+void assign_panel(Picture& picture, const Extent& before, const Panel& panel, std::string_view game);
+
 /// About `count` ticks on the x axis, fewer where their words would touch.
 std::vector<double> fitting_ticks(const Panel& panel, int count, double text_size);
 

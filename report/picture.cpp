@@ -28,10 +28,32 @@ std::string svg_points(const std::vector<Point>& points) {
     return text;
 }
 
-std::string svg_element(const Area& area) {
-    return fmt::format("<polygon fill=\"{}\"{} points=\"{}\"/>\n", to_hex(area.colour),
+/// What a page's script is told of an element.
+std::string data_of(const Belonging& of) {
+    return (of.series < 0 ? "" : fmt::format(" data-series=\"{}\"", of.series)) +
+           (of.panel < 0 ? "" : fmt::format(" data-panel=\"{}\"", of.panel));
+}
+std::string data_of(const std::vector<Sample>& samples) {
+    if (samples.empty()) return "";
+    std::string text;
+    for (const auto& [x, y, low, high] : samples)
+        fmt::format_to(std::back_inserter(text), "{}{:.6g},{:.6g},{:.6g},{:.6g}", text.empty() ? "" : " ", x,
+                       y, low, high);
+    return fmt::format(" data-samples=\"{}\"", text);
+}
+std::string data_of(const std::vector<PanelPlace>& panels) {
+    if (panels.empty()) return "";
+    std::string text;
+    for (const auto& [game, left, top] : panels)
+        fmt::format_to(std::back_inserter(text), "{}{},{:.1f},{:.1f}", text.empty() ? "" : ";", game, left,
+                       top);
+    return fmt::format(" data-panels=\"{}\"", escaped(text));
+}
+
+std::string svg_element(const Area& area, bool with_data) {
+    return fmt::format("<polygon fill=\"{}\"{}{} points=\"{}\"/>\n", to_hex(area.colour),
                        area.opacity < 1 ? fmt::format(" fill-opacity=\"{:g}\"", area.opacity) : "",
-                       svg_points(area.outline));
+                       with_data ? data_of(area.of) : "", svg_points(area.outline));
 }
 
 // Drawn four times as large and then shrunk: OpenCV's own smoothing knows no fractional widths.
@@ -192,28 +214,30 @@ double text_width(std::string_view text, double size, bool bold) {
     return (bold ? 0.63 : 0.57) * size * static_cast<double>(text.size());
 }
 
-std::string to_svg(const Picture& picture) {
+std::string to_svg(const Picture& picture, bool with_data) {
     std::string svg = fmt::format(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
-        "font-family=\"Helvetica, Arial, sans-serif\">\n<title>{2}</title>\n"
+        "font-family=\"Helvetica, Arial, sans-serif\"{3}>\n<title>{2}</title>\n"
         "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>\n",
-        picture.width, picture.height, escaped(picture.title));
+        picture.width, picture.height, escaped(picture.title), with_data ? data_of(picture.panels) : "");
     const auto out = std::back_inserter(svg);
-    for (const auto& area : picture.areas) svg += svg_element(area);
+    for (const auto& area : picture.areas) svg += svg_element(area, with_data);
     for (const auto& line : picture.lines) {
         fmt::format_to(out,
                        "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" "
-                       "stroke-linejoin=\"round\"{} points=\"{}\"/>\n",
+                       "stroke-linejoin=\"round\"{}{}{} points=\"{}\"/>\n",
                        to_hex(line.colour), line.width, line.dashed ? " stroke-dasharray=\"6 4\"" : "",
+                       with_data ? data_of(line.of) : "", with_data ? data_of(line.samples) : "",
                        svg_points(line.points));
     }
-    for (const auto& mark : picture.marks) svg += svg_element(mark);
+    for (const auto& mark : picture.marks) svg += svg_element(mark, with_data);
     for (const auto& words : picture.words) {
         fmt::format_to(
             out,
-            "<text x=\"{:.1f}\" y=\"{:.1f}\" fill=\"{}\" font-size=\"{}\" text-anchor=\"{}\"{}>{}</text>\n",
+            "<text x=\"{:.1f}\" y=\"{:.1f}\" fill=\"{}\" font-size=\"{}\" text-anchor=\"{}\"{}{}>{}</text>\n",
             words.position.x, words.position.y, to_hex(words.colour), words.size, svg_name(words.anchor),
-            words.bold ? " font-weight=\"bold\"" : "", escaped(words.text));
+            words.bold ? " font-weight=\"bold\"" : "", with_data ? data_of(words.of) : "",
+            escaped(words.text));
     }
     return svg + "</svg>\n";
 }

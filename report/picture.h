@@ -22,11 +22,26 @@ struct Colour {
     std::uint8_t blue = 0;
 };
 
+/// What an element of a figure belongs to, for a page whose reader may hide it.
+struct Belonging {
+    int series = -1;  // the number of a group of runs; -1: none
+    int panel = -1;   // an index of Picture::panels; -1: none
+};
+
+/// What a point of a curve stands for.
+struct Sample {
+    double x = 0;  // its step, score or quantile
+    double y = 0;
+    double low = 0, high = 0;  // its interval; both are y where there is none
+};
+
 struct Line {
     std::vector<Point> points;
     Colour colour;
     double width = 1;
     bool dashed = false;
+    Belonging of{};
+    std::vector<Sample> samples{};  // of a curve, by point
 };
 
 /// A filled polygon.
@@ -34,6 +49,7 @@ struct Area {
     std::vector<Point> outline;
     Colour colour;
     double opacity = 1;
+    Belonging of{};
 };
 
 Area rectangle(double left, double top, double right, double bottom, Colour colour, double opacity = 1);
@@ -49,6 +65,13 @@ struct Text {
     double size = 13;
     Anchor anchor = Anchor::start;
     bool bold = false;
+    Belonging of{};
+};
+
+/// One of several coordinate systems of a picture, and where it is.
+struct PanelPlace {
+    std::string game{};
+    double left = 0, top = 0;
 };
 
 /// Drawn in order on white: all areas, then all lines, marks and words.
@@ -60,6 +83,7 @@ struct Picture {
     std::vector<Line> lines{};
     std::vector<Area> marks{};
     std::vector<Text> words{};
+    std::vector<PanelPlace> panels{};  // those of games
 };
 
 /// About how wide `text` is drawn, rather more than less: fonts differ.
@@ -71,7 +95,9 @@ std::string escaped(std::string_view text);
 /// "#rrggbb"
 std::string to_hex(Colour colour);
 
-std::string to_svg(const Picture& picture);
+/// `with_data`: also what its elements belong to and its curves stand for, as attributes that a page's script
+/// reads.
+std::string to_svg(const Picture& picture, bool with_data = false);
 
 /// By the extension of `path`: .svg, or .png at twice the size.
 /// Throws std::invalid_argument for any other, std::runtime_error if the file cannot be written.

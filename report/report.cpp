@@ -8,11 +8,11 @@ namespace cale {
 namespace fs = std::filesystem;
 
 std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigin& origin,
-                                   const fs::path& folder) {
+                                   const fs::path& folder, bool with_script) {
     fs::create_directories(folder);
     const auto pictures = figures(comparison);
     std::vector<fs::path> files{folder / "report.html"};
-    write_text(files.front(), to_html(comparison, pictures, origin));
+    write_text(files.front(), to_html(comparison, pictures, origin, with_script));
     for (const auto& figure : pictures) {
         for (const auto* extension : {".svg", ".png"}) {
             files.push_back(folder / (figure.name + extension));

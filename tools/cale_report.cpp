@@ -57,6 +57,7 @@ struct Options {
     std::string baselines_csv{};
     std::string score = "training";
     bool strict = false;
+    bool web = false;
     ComparisonConfig config{};
 };
 
@@ -81,7 +82,7 @@ void report(Options options) {
                             .time = fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(now))};
     const auto folder = output_folder(options);
     make_output_folder("--output", folder);
-    const auto files = write_report(comparison, origin, folder);
+    const auto files = write_report(comparison, origin, folder, options.web);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
     for (const auto& note : comparison.notes) {
@@ -147,9 +148,12 @@ void add_report(CLI::App& app) {
         "--strict", options->strict,
         "exit code 1 where the grid of the sweep is not complete: where a run is missing, cannot be "
         "used or is unfinished; the report is written all the same");
+    command.add_flag("--web", options->web,
+                     "a page that answers: values under the pointer, groups switched off, games filtered; "
+                     "still one file, and complete without scripts");
     command.footer(
         "Examples:\n"
-        "  cale report runs/encoders\n"
+        "  cale report runs/encoders --web\n"
         "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
         "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
         "\n"

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "report/csv.h"
+#include "report/panel.h"
 #include "report/report.h"
 #include "report/run_folders.h"
 
@@ -113,6 +114,33 @@ TEST_F(Html, NeedsNothingFromElsewhere) {
     const std::string name = "xmlns=\"http://www.w3.org/2000/svg\"";  // a name, not a place
     for (auto at = html.find(name); at != html.npos; at = html.find(name)) html.erase(at, name.size());
     EXPECT_THAT(html, Not(HasSubstr("http")));
+}
+
+TEST_F(Html, AScriptIsOnThePageOnlyWhereItIsAskedFor) {
+    const auto data = comparison();
+    const auto plain = to_html(data, figures(data), origin_);
+    const auto web = to_html(data, figures(data), origin_, /*with_script=*/true);
+    for (const auto* word : {"<script", "data-series", "data-panel", "data-samples"}) {
+        EXPECT_THAT(plain, Not(HasSubstr(word)));
+        EXPECT_THAT(web, HasSubstr(word));
+    }
+    for (const auto* word : {"src=", "<link", "<img", "@import", "url(", "fetch("})
+        EXPECT_THAT(web, Not(HasSubstr(word)));
+    EXPECT_THAT(web, HasSubstr("<option data-colour=\"#0072b2\">dqn&lt;b&gt;</option>"));
+    EXPECT_THAT(web, HasSubstr("data-panels=\"AirRaid,"));
+}
+
+TEST_F(Html, ACurveSaysWhatItsPointsStandFor) {
+    Picture picture;
+    const Panel panel{.left = 10, .top = 0, .right = 110, .bottom = 100, .x = {0, 100}, .y = {0, 10}};
+    const auto before = extent_of(picture);
+    draw_curve(picture, panel, {0, 50}, {{1, 0, 2}, {4, 3, 5}}, 1, /*with_band=*/true);
+    assign_panel(picture, before, panel, "Pong");
+    EXPECT_THAT(
+        to_svg(picture, true),
+        AllOf(HasSubstr("data-samples=\"0,1,0,2 50,4,3,5\" points=\"10.0,90.0 60.0,60.0\""),
+              HasSubstr("data-series=\"1\" data-panel=\"0\""), HasSubstr("data-panels=\"Pong,10.0,0.0\"")));
+    EXPECT_THAT(to_svg(picture), Not(HasSubstr("data-")));
 }
 
 TEST_F(Html, FiguresFollowLightAndDark) {
