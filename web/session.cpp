@@ -11,7 +11,7 @@
 #include "cale/emulator.h"
 #include "cale/games.h"
 #include "policy/policy_file.h"
-#include "settings/seeds.h"
+#include "cale/seeds.h"
 #include "web/settings.h"
 
 namespace cale::web {

@@ -11,7 +11,7 @@
 
 #include "cale/env.h"
 #include "policy/policy_lite.h"
-#include "settings/seeds.h"
+#include "cale/seeds.h"
 #include "web/settings.h"
 
 namespace {
