@@ -10,8 +10,8 @@
 
 #include "cale/emulator.h"
 #include "cale/games.h"
-#include "policy/policy_file.h"
 #include "cale/seeds.h"
+#include "policy/policy_file.h"
 #include "web/settings.h"
 
 namespace cale::web {

@@ -1,59 +1,16 @@
 #include "web/settings.h"
 
 #include <algorithm>
-#include <cstdint>
-#include <optional>
-#include <span>
 #include <stdexcept>
 #include <type_traits>
 
+#include "cale/setting.h"
 #include "cale/text.h"
 
 namespace cale::web {
 namespace {
 
-// Each reads a value from text, and returns whether it could.
-
-bool read(std::string_view text, std::string& value) {
-    value = text;
-    return true;
-}
-
-bool read(std::string_view text, bool& value) {
-    value = text == "true";
-    return value || text == "false";
-}
-
-bool read(std::string_view text, IntegerRange& value) {
-    const auto range = integer_range_in(text);
-    if (range) value = *range;
-    return range.has_value();
-}
-
-template <class Number>
-requires std::is_same_v<Number, double> || std::is_same_v<Number, std::int64_t>
-bool read(std::string_view text, Number& value) {
-    const auto number = number_in<Number>(text);
-    if (number) value = *number;
-    return number.has_value();
-}
-
-template <class Number>
-bool read(std::string_view text, std::optional<Number>& value) {
-    value.reset();
-    return text == "none" || read(text, value.emplace());
-}
-
-template <class Enum>
-requires std::is_enum_v<Enum>
-bool read(std::string_view text, Enum& value) {
-    const auto names = names_of(value);
-    const auto found = std::find(names.begin(), names.end(), text);
-    if (found != names.end()) value = static_cast<Enum>(found - names.begin());
-    return found != names.end();
-}
-
-// And the way back.
+// Of each type of setting, its value as read_setting() reads it.
 
 std::string text_of(const std::string& value) {
     return value;
@@ -70,24 +27,25 @@ requires(!std::is_enum_v<Value>) std::string text_of(const Value& value) {
     return setting_text(value);
 }
 
-/// Calls use(member) with the setting's. Throws std::invalid_argument where there is none.
+/// Calls use(member, range) with the setting's. Throws std::invalid_argument where there is none.
 template <class Use>
 void with_setting(EnvConfig& env, std::string_view name, const Use& use) {
     bool known = false;
-    fields(env, [&](std::string_view field, auto& member, const auto&...) {
+    fields(env, [&](std::string_view field, auto& member, const auto& range_or_help, const auto&...) {
         if (field != name) return;
         known = true;
-        use(member);
+        if constexpr (std::is_same_v<std::remove_cvref_t<decltype(range_or_help)>, Range>) {
+            use(member, range_or_help);
+        } else {
+            use(member, Range());
+        }
     });
     if (!known) throw std::invalid_argument("there is no setting '" + std::string(name) + "'");
 }
 
 void set(EnvConfig& env, std::string_view name, std::string_view text) {
-    with_setting(env, name, [&](auto& member) {
-        if (read(text, member)) return;
-        throw std::invalid_argument("the setting '" + std::string(name) + "' cannot be '" +
-                                    std::string(text) + "'");
-    });
+    with_setting(env, name,
+                 [&](auto& member, Range range) { read_setting(name, range, text, setting_member(member)); });
 }
 
 }  // namespace
@@ -123,7 +81,7 @@ void change(EnvConfig& env, std::string_view lines) {
 
 std::string setting(EnvConfig env, std::string_view name) {
     std::string text;
-    with_setting(env, name, [&](const auto& member) { text = text_of(member); });
+    with_setting(env, name, [&](const auto& member, Range) { text = text_of(member); });
     return text;
 }
 

@@ -15,8 +15,7 @@ namespace cale::web {
 EnvConfig trained_env(const PolicyInfo& info);
 
 /// Changes settings, a line "threshold=0.5" each, by their names in fields(EnvConfig). Throws
-/// std::invalid_argument that names the setting for one that is unknown or whose value cannot be read; ranges
-/// are the environment's to check.
+/// std::invalid_argument for an unknown one, and as read_setting() does.
 void change(EnvConfig& env, std::string_view lines);
 
 /// Returns the value of a setting as change() reads it, such as "0-8" of action_latency. Throws

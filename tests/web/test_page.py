@@ -336,7 +336,7 @@ class Page(unittest.TestCase):
     def test_an_impossible_setting_gets_its_sentence(self):
         self.open(hash="#threshold=7")
         self.drop("road_runner")
-        self.assertIn("threshold is 7: it must lie in [0, 1]", self.message())
+        self.assertIn("threshold must be 0 to 1, not '7'", self.message())
 
     # What may be wrong
 

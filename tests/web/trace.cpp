@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "cale/env.h"
-#include "policy/policy_lite.h"
 #include "cale/seeds.h"
+#include "policy/policy_lite.h"
 #include "web/settings.h"
 
 namespace {
