@@ -151,7 +151,7 @@ struct Emulator::Impl {
     std::vector<Event> legal_actions;
     bool has_paddles;
     std::pair<int, int> ends;  // the paddle's resistances on the left and on the right
-    int resistance = 0;  // of the paddle, before the last frame
+    int resistance = 0;        // of the paddle, before the last frame
     std::array<std::uint8_t, 256> gray{};
     std::array<std::array<std::uint8_t, 3>, 256> rgb{};
 };

@@ -20,8 +20,8 @@ namespace cale {
 /// naming the file, where it is empty or cannot be read.
 std::string rom_md5(const std::filesystem::path& rom_file);
 
-/// ALE's name of the game whose ROM the file is, by its MD5: "ms_pacman". Empty where ALE does not support it;
-/// it has some games more than games(). Throws as rom_md5() does.
+/// ALE's name of the game whose ROM the file is, by its MD5: "ms_pacman". Empty where ALE does not support
+/// it; it has some games more than games(). Throws as rom_md5() does.
 std::string rom_name(const std::filesystem::path& rom_file);
 
 /// Which of a game's variants is played, as the console's switches choose it.

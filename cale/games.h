@@ -34,8 +34,8 @@ bool has_paddle(const Game& game);
 /// "MsPacmanNoFrameskip-v4" are the same. Throws std::invalid_argument that names the
 /// nearest game there is.
 const Game& find_game(std::string_view name);
-/// The games of "pong,breakout". Throws as find_game() does, and std::invalid_argument for a game that is named
-/// twice.
+/// The games of "pong,breakout". Throws as find_game() does, and std::invalid_argument for a game that is
+/// named twice.
 std::vector<const Game*> games_of(std::string_view names);
 
 }  // namespace cale

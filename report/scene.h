@@ -26,17 +26,17 @@ struct Scene {
         observation{};                         // 84 x 84 grey, or 128 bytes: the newest that the agent sees
     std::optional<ContinuousAction> action{};  // none: a discrete agent, whose event alone is shown
     std::optional<StickPosition> stick{};      // where a stick that moves is; none: where the action is
-    bool paddle = false;     // the action places a paddle: only x and fire count
-    double threshold = 0.5;  // tau
+    bool paddle = false;                       // the action places a paddle: only x and fire count
+    double threshold = 0.5;                    // tau
     Event event = Event::noop;
     double episode_return = 0;
     std::optional<double> value{};  // the agent's value of its action
 };
 
 /// The game three times as large; beside it what the agent sees, and its joystick: the stick in the
-/// unit disc with the lines beyond which it counts, or the way of a paddle, the fire button, the event, the return so far, the
-/// value. A stick that moves has a ring where it is told to be. Every scene of the same screen size gives an
-/// image of the same, even, size.
+/// unit disc with the lines beyond which it counts, or the way of a paddle, the fire button, the event, the
+/// return so far, the value. A stick that moves has a ring where it is told to be. Every scene of the same
+/// screen size gives an image of the same, even, size.
 Image compose_frame(const Scene& scene);
 /// The same with the screen of `env`, whatever `scene` has for one.
 Image compose_frame(const Env& env, Scene scene);

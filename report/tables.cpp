@@ -123,10 +123,9 @@ std::string action_space_text(const EnvConfig& env) {
     const auto name = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
     if (env.action_space != ActionSet::continuous) return fmt::format("discrete, {}", name);
     const auto joystick = coordinates(env);
-    const auto chosen_by =
-        joystick == Joystick::polar
-            ? ""
-            : fmt::format(" {}", names_of(joystick)[static_cast<std::size_t>(joystick)]);
+    const auto chosen_by = joystick == Joystick::polar
+                               ? ""
+                               : fmt::format(" {}", names_of(joystick)[static_cast<std::size_t>(joystick)]);
     return fmt::format("joystick{}, threshold {:g}", chosen_by, env.threshold);
 }
 
