@@ -607,7 +607,7 @@ NB_MODULE(_core, m) {
     nb::set_leak_warnings(false);
     m.def("end", end, "Waits for threads that work without the GIL, and lets no other begin.");
     nb::module_::import_("atexit").attr("register")(m.attr("end"));
-    m.def("games", game_table, "The sixty games: names and reference scores.");
+    m.def("games", game_table, "The games: names and reference scores.");
     m.def("settings", settings, "The settings of an environment: name, default, type, range, choices, help.");
     m.def(
         "check_settings", [](const nb::dict& texts) { read_config(texts); }, "settings"_a,

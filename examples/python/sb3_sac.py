@@ -1,4 +1,4 @@
-"""Stable-Baselines3's SAC on the continuous joystick, unchanged: from the console's memory, on several games at once.
+"""Stable-Baselines3's SAC on the continuous joystick, unchanged, from the console's memory.
 
     pip install ./python stable-baselines3
     python examples/python/sb3_sac.py --game road_runner --steps 100000

@@ -307,6 +307,10 @@ def test_infos_of_sticks_and_paddles():
     np.testing.assert_array_equal(infos["paddle"], [0, 1])
 
 
+def test_the_version_is_the_projects(repository):
+    assert f"project(cale VERSION {cale.__version__} " in (repository / "CMakeLists.txt").read_text()
+
+
 def test_the_settings_are_those_of_the_table():
     import inspect
 

@@ -8,7 +8,7 @@ from cale import _core
 
 
 def game_ids() -> list[str]:
-    """Returns the ids of the games: "cale/Breakout-v0" and 59 others."""
+    """Returns the ids of the games: "cale/Breakout-v0" and the others."""
     return [f"cale/{game['name']}-v0" for game in _core.games()]
 
 

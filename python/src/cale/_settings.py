@@ -20,7 +20,7 @@ def settings() -> list[dict[str, Any]]:
 
 
 def games() -> list[dict[str, Any]]:
-    """Returns the sixty games: names, and the scores of random play and of people that are published."""
+    """Returns the games: names, and the scores of random play and of people that are published."""
     return _core.games()
 
 
@@ -45,7 +45,7 @@ def text_of(name: str, value: Any) -> str:
 
 def texts_of(values: Mapping[str, Any]) -> dict[str, str]:
     """Returns settings as texts, with the folder of the ROMs. Refuses unknown names and impossible values."""
-    texts = {name: text_of(name, value) for name, value in values.items()}
+    texts = {name: text_of(name, value) for name, value in values.items() if (name, value) != ("rom_dir", None)}
     _core.check_settings(texts)
     if not texts.get("rom_dir"):
         texts["rom_dir"] = _roms_of_ale_py()
