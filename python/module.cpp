@@ -42,6 +42,7 @@ template <class Number>
 using Array = nb::ndarray<Number, nb::numpy, nb::c_contig, nb::device::cpu>;
 using Coordinates = Array<const float>;
 using Numbers = Array<const std::int64_t>;
+using Bytes = nb::ndarray<nb::numpy, std::uint8_t>;
 
 template <class Number>
 std::span<Number> span_of(const Array<Number>& array) {
@@ -86,13 +87,13 @@ void end() {
 }
 
 /// Returns a new array with these bytes, for NumPy.
-nb::object new_array(std::vector<std::uint8_t> bytes, std::vector<std::size_t> shape) {
+Bytes new_array(std::vector<std::uint8_t> bytes, std::vector<std::size_t> shape) {
     auto kept = std::make_unique<std::vector<std::uint8_t>>(std::move(bytes));
     auto* const data = kept->data();
     const nb::capsule owner(kept.release(), [](void* vector) noexcept {
         delete static_cast<std::vector<std::uint8_t>*>(vector);
     });
-    return nb::cast(nb::ndarray<nb::numpy, std::uint8_t>(data, shape.size(), shape.data(), owner));
+    return Bytes(data, shape.size(), shape.data(), owner);
 }
 
 // ---- settings ------------------------------------------------------------------------------
@@ -267,7 +268,7 @@ class Envs {
     std::unique_ptr<Batch> batch_;  // the last member: its threads use the others
 };
 
-nb::object action_space(Envs& envs) {
+nb::tuple action_space(Envs& envs) {
     const auto space = envs.run([](Batch& batch) { return batch.action_space(); });
     if (const auto* const discrete = std::get_if<Discrete>(&space))
         return nb::make_tuple("discrete", discrete->n, discrete->factors);
@@ -282,7 +283,7 @@ std::vector<std::int64_t> observation_shape(Envs& envs) {
     return shape;
 }
 
-nb::object stacks(nb::handle_t<Envs> self) {
+Bytes stacks(nb::handle_t<Envs> self) {
     auto& envs = nb::cast<Envs&>(self);
     const auto shape = observation_shape(envs);
     std::vector<std::size_t> extents{0};
@@ -291,7 +292,7 @@ nb::object stacks(nb::handle_t<Envs> self) {
         extents.front() = static_cast<std::size_t>(batch.size());
         return const_cast<std::uint8_t*>(batch.stacks().data());
     });
-    return nb::cast(nb::ndarray<nb::numpy, std::uint8_t>(data, extents.size(), extents.data(), self));
+    return Bytes(data, extents.size(), extents.data(), self);
 }
 
 void bind_environments(nb::module_& m) {

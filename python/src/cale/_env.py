@@ -51,6 +51,7 @@ class Env(gymnasium.Env):
         self.observation_space = single_observation_space(self._core)
         self.action_space = single_action_space(self._core)
         self._read_actions = ActionReader(self._core, 1)
+        self._shape = tuple(self._core.observation_shape)
         self._layout = self._core.frame_skip, self._core.has_stick, self._core.has_paddle
         self._started = False
 
@@ -120,7 +121,7 @@ class Env(gymnasium.Env):
         self._finalizer()
 
     def _new_arrays(self) -> tuple[np.ndarray, StepArrays]:
-        observation = np.empty(self.observation_space.shape, np.uint8)
+        observation = np.empty(self._shape, np.uint8)
         return observation, StepArrays(1, observation, *self._layout)
 
     @staticmethod

@@ -42,6 +42,7 @@ class Policy:
         count = len(batch)
         coordinates, actions = np.empty((count, self._core.axes), np.float32), np.empty(count, np.int64)
         self._core.act(batch, choice, coordinates, actions)
+        result: np.ndarray
         if not self.info["actions"]:
             result = coordinates
         elif self.info["joystick"] == "factored":

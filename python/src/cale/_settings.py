@@ -63,7 +63,7 @@ def _roms_of_ale_py() -> str:
     return str(roms) if any(roms.glob("*.bin")) else ""
 
 
-def rom_hint(error: RuntimeError) -> RuntimeError:
+def rom_hint(error: RuntimeError) -> Exception:
     """Returns the error, with one more way out where a ROM is missing."""
     if "the ROM file" in str(error) and " is not in " in str(error):
         return FileNotFoundError(f"{error}; or install ale-py, which brings the ROMs: pip install ale-py")

@@ -71,7 +71,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._read_actions = ActionReader(self._core, self.num_envs)
-        self._shape = self.observation_space.shape
+        self._shape = (self.num_envs, *self._core.observation_shape)
         self._has = self._core.has_stick, self._core.has_paddle
         self._stacks = self._core.stacks
         self._kept = None if copy else self._new_arrays()[1]
