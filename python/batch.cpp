@@ -63,31 +63,43 @@ std::string number_text(float number) {
 Background::Background() : thread_([this] { serve(); }) {}
 
 Background::~Background() {
-    task_ = nullptr;
-    started_.release();
+    {
+        const std::lock_guard lock(mutex_);
+        ends_ = true;
+    }
+    changed_.notify_all();
     thread_.join();
 }
 
 void Background::start(std::function<void()> task) {
-    task_ = std::move(task);
-    started_.release();
+    {
+        const std::lock_guard lock(mutex_);
+        task_ = std::move(task);
+        busy_ = true;
+    }
+    changed_.notify_all();
 }
 
 void Background::wait() {
-    ended_.acquire();
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return !busy_; });
     if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
 }
 
 void Background::serve() {
+    std::unique_lock lock(mutex_);
     while (true) {
-        started_.acquire();
-        if (task_ == nullptr) return;
+        changed_.wait(lock, [this] { return busy_ || ends_; });
+        if (ends_) return;
+        lock.unlock();
         try {
             task_();
         } catch (...) {
             failure_ = std::current_exception();
         }
-        ended_.release();
+        lock.lock();
+        busy_ = false;
+        changed_.notify_all();
     }
 }
 

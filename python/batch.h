@@ -2,13 +2,14 @@
 // next episode, seeds and resets of some of them, and their state as bytes. Knows nothing of Python.
 #pragma once
 
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
-#include <semaphore>
 #include <span>
 #include <string>
 #include <string_view>
@@ -43,6 +44,7 @@ struct StepArrays {
 class Background {
   public:
     Background();
+    /// After the task that runs; one that has not begun does not begin any more.
     ~Background();
     Background(const Background&) = delete;
     Background& operator=(const Background&) = delete;
@@ -55,9 +57,11 @@ class Background {
   private:
     void serve();
 
-    std::function<void()> task_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    bool busy_ = false, ends_ = false;
+    std::function<void()> task_;  // stays where it is while it runs
     std::exception_ptr failure_;
-    std::binary_semaphore started_{0}, ended_{0};
     std::thread thread_;  // the last member: it uses all the others
 };
 

@@ -150,12 +150,16 @@ def test_threads_take_turns_at_the_same_environments():
     assert envs._core.frame_number(0) == 4 * (4 * 50 + 1) and list(infos["frames"]) == [4, 4]
 
 
-def test_environments_may_be_dropped_while_they_step():
-    for copy in (True, False):
-        for _ in range(5):
-            envs = cale.make_vec("pong", num_envs=4, copy=copy)
+def test_environments_may_be_dropped_and_closed_while_they_step():
+    """Before the step has begun in the background, in its midst, and after it."""
+    for delay in (0, 0.001, 0.003, 0.1):
+        for close in (True, False):
+            envs = cale.make_vec("pong", num_envs=6, env_threads=1, copy=close)
             envs.reset(seed=1)
             envs.send(envs.action_space.sample())
+            time.sleep(delay)
+            if close:
+                envs.close()
             del envs
     gc.collect()
 
