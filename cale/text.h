@@ -31,13 +31,13 @@ std::optional<Number> number_in(std::string_view text) {
 /// Returns the integers of "4" or "0-8"; none if the text is neither, or the first is the larger.
 std::optional<IntegerRange> integer_range_in(std::string_view text);
 
-/// Returns the value of a setting as text: numbers with six digits, 0-8, none.
+/// Returns the value of a setting as text, a number with six digits.
 std::string setting_text(double value);
-std::string setting_text(std::int64_t value);
-std::string setting_text(const IntegerRange& range);
+std::string setting_text(std::int64_t value);         ///< Returns an integer as text.
+std::string setting_text(const IntegerRange& range);  ///< Returns "4", or "0-8".
 template <class Number>
 std::string setting_text(const std::optional<Number>& value) {
-    return value ? setting_text(*value) : "none";
+    return value ? setting_text(*value) : "none";  /// Returns the number as text, or "none".
 }
 
 /// Returns the text as one line without terminal control sequences: control characters (C0, DEL, C1) and

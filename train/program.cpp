@@ -245,12 +245,12 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
     }
 }
 
-/// Makes an environment once, so that what is wrong with it, or with the ROM, is said before anything is
-/// written.
+/// Makes an environment once, of several games one each, so that what is wrong with it, or with a ROM, is
+/// said before anything is written.
 std::unique_ptr<World> make_one(const TrainingWorld& world) {
     try {
-        const std::uint32_t seed = 0;
-        return world.make({&seed, 1});
+        const std::vector<std::uint32_t> seeds(std::max<std::size_t>(1, world.games.size()), 0);
+        return world.make(seeds);
     } catch (const std::exception& error) {
         throw ConfigError(error.what());
     }
