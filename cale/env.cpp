@@ -427,7 +427,8 @@ struct Env::Impl {
             if (moving_stick) {
                 advance(ContinuousAction{});
             } else {
-                advance([this] { return push_of(ContinuousAction{}); });
+                // Nothing is pressed, whatever env.event_map makes of a stick in its centre.
+                advance([this] { return places_paddle() ? push_of(ContinuousAction{}) : Push{}; });
             }
             if (episode_over) start_game();
         }

@@ -67,6 +67,18 @@ TEST(EnvConfig, ProtocolsDifferInStickinessAndLifeLoss) {
               "radius");
 }
 
+TEST(EmulatorEnv, NoOpsAtTheStartPressNothingWhateverTheEventMap) {
+    for (std::uint32_t seed = 1; seed <= 3; ++seed) {
+        EnvConfig config;
+        config.game = "ms_pacman";
+        config.noop_max = 100;
+        const Played symmetric(config, seed);
+        config.event_map = cale::EventMap::ale_0_10;
+        const Played other(config, seed);
+        EXPECT_TRUE(std::ranges::equal(symmetric.env.ram(), other.env.ram())) << seed;
+    }
+}
+
 TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     const auto refusal = [](auto change) {
         EnvConfig config;
