@@ -74,7 +74,7 @@ void check_paddle(const EnvConfig& config) {
         if (!fits) throw std::invalid_argument("env.paddle=absolute does not go with " + setting + remedy);
     };
     require(config.action_space == ActionSet::continuous, "env.action_space=" + name_of(config.action_space),
-            ": set that to continuous");
+            ": set that to continuous, and choose an agent of continuous actions (sac, ppo)");
     require(
         config.joystick != Joystick::factored, "env.joystick=factored",
         ": its action is a position, not one of several; leave that out, and choose an agent of continuous "
