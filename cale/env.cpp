@@ -136,14 +136,10 @@ bool is_valid(const ContinuousAction& action) {
     }
 }
 
-/// The joystick that an event stands for.
-ContinuousAction stick_of(Event event) {
-    const auto events = factored_events();
-    return factored_stick(std::ranges::find(events, event) - events.begin());
-}
+/// The joystick of an action.
 ContinuousAction stick_of(const FrameAction& action) {
     const auto* const event = std::get_if<Event>(&action);
-    return event != nullptr ? stick_of(*event) : std::get<ContinuousAction>(action);
+    return event != nullptr ? event_stick(*event) : std::get<ContinuousAction>(action);
 }
 
 }  // namespace
@@ -203,13 +199,8 @@ EnvConfig config_of(const EnvConfig& config, std::int64_t number) {
 }
 
 std::string variant_name(const EnvConfig& config) {
-    const auto games = games_of(config.game);
-    std::string name;
-    for (const auto* const game : games) {
-        if (!name.empty()) name += '+';
-        name += game->name;
-    }
-    if (std::ssize(games) > kMostNamedGames) name = std::to_string(games.size()) + "games";
+    const auto games = std::ssize(games_of(config.game));
+    std::string name = games > kMostNamedGames ? std::to_string(games) + "games" : game_names(config.game);
     if (config.mode) name += "-mode" + std::to_string(*config.mode);
     if (config.difficulty) name += "-difficulty" + std::to_string(*config.difficulty);
     return name;
@@ -440,7 +431,7 @@ struct Env::Impl {
         record.commands.push_back(action);
         return result;
     }
-    StepResult step(Event event) { return moving_stick ? step(stick_of(event)) : step(push_of(event)); }
+    StepResult step(Event event) { return moving_stick ? step(event_stick(event)) : step(push_of(event)); }
     StepResult step(const Push& push) {
         const auto result = advance([&push] { return push; });
         record.events.push_back(push.event);

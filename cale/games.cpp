@@ -137,4 +137,13 @@ std::vector<const Game*> games_of(std::string_view names) {
     return games;
 }
 
+std::string game_names(std::string_view names) {
+    std::string joined;
+    for (const auto* const game : games_of(names)) {
+        if (!joined.empty()) joined += '+';
+        joined += game->name;
+    }
+    return joined;
+}
+
 }  // namespace cale

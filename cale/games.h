@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -37,5 +38,7 @@ const Game& find_game(std::string_view name);
 /// The games of "pong,breakout". Throws as find_game() does, and std::invalid_argument for a game that is
 /// named twice.
 std::vector<const Game*> games_of(std::string_view names);
+/// Returns "Pong+Breakout", the names of games_of(names). Throws as it does.
+std::string game_names(std::string_view names);
 
 }  // namespace cale

@@ -136,4 +136,9 @@ std::span<const Event> factored_events() {
     return events;
 }
 
+ContinuousAction event_stick(Event event) {
+    const auto events = factored_events();
+    return factored_stick(std::ranges::find(events, event) - events.begin());
+}
+
 }  // namespace cale

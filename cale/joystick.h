@@ -53,13 +53,16 @@ inline constexpr std::int64_t kStickFactors[] = {3, 3, 2};
 inline double paddle_position(double x) {
     return (x + 1) / 2;
 }
+/// Returns the x of the joystick whose paddle is at `position`.
 inline double paddle_x(double position) {
-    return 2 * position - 1;  /// Returns the x of the joystick of a paddle that is there.
+    return 2 * position - 1;
 }
 
 /// Returns the joystick for action number (3 x + y) 2 + fire of `factored`. Throws std::out_of_range.
 ContinuousAction factored_stick(std::int64_t action);
 /// Returns the events of the 18 actions of `factored`.
 std::span<const Event> factored_events();
+/// Returns the joystick that an event stands for: at its rim, or in its centre.
+ContinuousAction event_stick(Event event);
 
 }  // namespace cale

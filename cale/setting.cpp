@@ -54,6 +54,15 @@ std::string number_text(double value, Format... format) {
     return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value, format...).ptr};
 }
 
+/// The fewest digits that are read back as the same number, with an exponent below 1e-4 and from 1e16 on.
+std::string exact_number(double value) {
+    const auto text = number_text(value, std::chars_format::scientific);
+    const auto exponent = text.find('e');
+    if (exponent == text.npos) return text;  // inf, nan
+    const auto power = number_in<int>(plain_number(std::string_view(text).substr(exponent + 1)));
+    return *power >= -4 && *power < 16 ? number_text(value, std::chars_format::fixed) : text;
+}
+
 /// 1000000000000 -> 1e12, where nothing is lost.
 std::string short_number(double value) {
     const bool whole = value == std::trunc(value) && std::abs(value) <= 0x1p53;
@@ -80,6 +89,19 @@ struct TypeName {
     std::string operator()(const bool*) const { return "true/false"; }
     std::string operator()(const std::string*) const { return "text"; }
     std::string operator()(const EnumMember& member) const { return "one of " + joined(member.names); }
+};
+
+struct Writer {
+    std::string operator()(const std::int64_t* member) const { return std::to_string(*member); }
+    std::string operator()(const double* member) const { return exact_number(*member); }
+    template <class Number>
+    std::string operator()(const std::optional<Number>* member) const {
+        return *member ? (*this)(&**member) : "none";
+    }
+    std::string operator()(const IntegerRange* member) const { return setting_text(*member); }
+    std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
+    std::string operator()(const std::string* member) const { return *member; }
+    std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
 };
 
 /// Reads text into a member of each type.
@@ -167,6 +189,10 @@ std::string range_text(Range range) {
 
 void read_setting(std::string_view key, Range range, std::string_view text, const SettingMember& member) {
     std::visit(Reader{key, range, text}, member);
+}
+
+std::string written_setting(const SettingMember& member) {
+    return std::visit(Writer{}, member);
 }
 
 std::optional<bool> truth_in(std::string_view text) {

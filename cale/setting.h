@@ -10,7 +10,9 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include "cale/fields.h"
 #include "cale/integer_range.h"
@@ -40,6 +42,34 @@ SettingMember setting_member(T& member) {
     }
 }
 
+/// One field of a configuration.
+struct SettingField {
+    std::string name;      // "threshold"
+    std::string help;      // its sentence
+    Range range;           // of numbers
+    SettingMember member;  // refers to the configuration
+};
+
+/// Returns the fields of a configuration in their order. They refer to `config`, which must outlive them.
+template <class Config>
+std::vector<SettingField> setting_fields(Config& config) {
+    std::vector<SettingField> settings;
+    fields(config, [&settings](std::string_view name, auto& member, const auto&... range_and_help) {
+        SettingField setting{
+            .name = std::string(name), .help = {}, .range = {}, .member = setting_member(member)};
+        const auto take = [&setting](const auto& value) {
+            if constexpr (std::is_same_v<std::remove_cvref_t<decltype(value)>, Range>) {
+                setting.range = value;
+            } else {
+                setting.help = value;
+            }
+        };
+        (take(range_and_help), ...);
+        settings.push_back(std::move(setting));
+    });
+    return settings;
+}
+
 /// Returns "integer", "number", "number or none", "true/false", "text", "one of a, b".
 std::string setting_type(const SettingMember& member);
 
@@ -50,6 +80,9 @@ std::string range_text(Range range);
 /// and on/off; an absent number is none or null. Throws std::invalid_argument that names key, value and what
 /// is allowed; the member is then unchanged.
 void read_setting(std::string_view key, Range range, std::string_view text, const SettingMember& member);
+
+/// Returns the member's value as text that read_setting() reads to the same value.
+std::string written_setting(const SettingMember& member);
 
 /// Returns the truth value that the text stands for: true, yes, on, ...; none if it stands for none.
 std::optional<bool> truth_in(std::string_view text);

@@ -33,11 +33,14 @@ std::optional<IntegerRange> integer_range_in(std::string_view text);
 
 /// Returns the value of a setting as text, a number with six digits.
 std::string setting_text(double value);
-std::string setting_text(std::int64_t value);         ///< Returns an integer as text.
-std::string setting_text(const IntegerRange& range);  ///< Returns "4", or "0-8".
+/// Returns an integer as text.
+std::string setting_text(std::int64_t value);
+/// Returns "4", or "0-8".
+std::string setting_text(const IntegerRange& range);
+/// Returns the number as text, or "none".
 template <class Number>
 std::string setting_text(const std::optional<Number>& value) {
-    return value ? setting_text(*value) : "none";  /// Returns the number as text, or "none".
+    return value ? setting_text(*value) : "none";
 }
 
 /// Returns the text as one line without terminal control sequences: control characters (C0, DEL, C1) and

@@ -98,6 +98,11 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
     if (!values.empty()) std::memcpy(values.data(), found->second.data(), found->second.size());
 }
 
+/// Whether the environment's games are recorded as what they were told, not as events.
+bool records_commands(const Env& env) {
+    return env.stick() || env.paddle();
+}
+
 }  // namespace
 
 struct VectorEnv::Impl {
@@ -220,7 +225,7 @@ EpisodeRecord VectorEnv::record(std::int64_t index) const {
     record["start"] = bytes_of(std::span(game.start));
     record["events"] = bytes_of(std::span(game.events));
     record["strengths"] = bytes_of(std::span(game.strengths));
-    if (env.stick() || env.paddle()) record["commands"] = bytes_of(std::span(game.commands));
+    if (records_commands(env)) record["commands"] = bytes_of(std::span(game.commands));
     return record;
 }
 std::vector<EpisodeRecord> VectorEnv::record() const {
@@ -235,7 +240,7 @@ void VectorEnv::resume(std::int64_t index, const EpisodeRecord& record) {
     read_bytes(record, "start", game.start);
     read_bytes(record, "events", game.events);
     read_bytes(record, "strengths", game.strengths);
-    if (env.stick() || env.paddle()) read_bytes(record, "commands", game.commands);
+    if (records_commands(env)) read_bytes(record, "commands", game.commands);
     env.resume(game);
 }
 void VectorEnv::resume(std::span<const EpisodeRecord> records) {

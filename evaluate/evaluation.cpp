@@ -57,16 +57,19 @@ std::filesystem::path step_log_file(const EvaluationPlan& plan, std::int64_t num
 class GameInPlay {
   public:
     GameInPlay(const EvaluationPlan& plan, std::int64_t number)
+        : GameInPlay(plan, config_of(plan.env, number), number) {}
+    /// `config`: of the plan's games the one that this number plays.
+    GameInPlay(const EvaluationPlan& plan, const EnvConfig& config, std::int64_t number)
         : number_(number),
           epsilon_(plan.epsilon),
-          threshold_(plan.env.threshold),
-          joystick_(coordinates(plan.env)),
-          env_(config_of(plan.env, number), derive_seed(plan.seed, "evaluation", number)),
+          threshold_(config.threshold),
+          joystick_(coordinates(config)),
+          env_(config, derive_seed(plan.seed, "evaluation", number)),
           noise_(derive_seed(plan.seed, "evaluation noise", number)),
-          frame_(static_cast<std::size_t>(observation_space(plan.env).frame_size())) {
+          frame_(static_cast<std::size_t>(observation_space(config).frame_size())) {
         if (number == plan.filmed_game && !plan.video.empty())
-            film_.emplace(plan.video, config_of(plan.env, number), plan.film_minutes);
-        if (games_of(plan.env.game).size() > 1) result_.game = only_game(config_of(plan.env, number)).name;
+            film_.emplace(plan.video, config, plan.film_minutes);
+        if (games_of(plan.env.game).size() > 1) result_.game = only_game(config).name;
         if (!plan.step_logs.empty()) log_.emplace(step_log_file(plan, number));
     }
 

@@ -130,13 +130,15 @@ std::string game_details(const Game& game, const std::string& rom_dir) {
     line("game", fmt::format("ALE/{}-v5", game.name));
     line("Atari 100k", game.in_atari100k ? "yes" : "no");
     line("random score", score(game.random_score, "none published"));
-    const bool measured = joystick_score(game, true).has_value();
-    if (!measured) line("joystick random", "not measured");
-    for (const auto& [name, protocol] : {std::pair("joystick random", "200m"), std::pair("", "atari100k")}) {
-        if (!measured) break;
-        const auto& play = joystick_random(game.name, protocol);
-        line(name, fmt::format("{} ({} to {}, {} games of protocol {})", rounded(play.mean),
-                               rounded(play.low), rounded(play.high), play.games, protocol));
+    if (!joystick_score(game, true)) {
+        line("joystick random", "not measured");
+    } else {
+        for (const auto& [name, protocol] :
+             {std::pair("joystick random", "200m"), std::pair("", "atari100k")}) {
+            const auto& play = joystick_random(game.name, protocol);
+            line(name, fmt::format("{} ({} to {}, {} games of protocol {})", rounded(play.mean),
+                                   rounded(play.low), rounded(play.high), play.games, protocol));
+        }
     }
     line("human score", score(game.human_score, "none published"));
     line("minimal actions", rom ? fmt::format("{}: {}", game.minimal_action_count,

@@ -27,6 +27,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "cale/games.h"
+#include "cale/setting.h"
 #include "policy/policy_lite.h"
 #include "python/batch.h"
 #include "python/evaluated_game.h"
@@ -120,7 +121,7 @@ struct ToPython {
 nb::list settings() {
     EnvConfig config;
     nb::list result;
-    for (const auto& setting : env_settings(config)) {
+    for (const auto& setting : setting_fields(config)) {
         nb::list choices;
         if (const auto* const member = std::get_if<EnumMember>(&setting.member))
             for (const auto name : member->names) choices.append(std::string(name));

@@ -3,23 +3,10 @@
 
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "cale/env.h"
-#include "cale/setting.h"
 
 namespace cale::python {
-
-/// A setting of EnvConfig. Its member refers to the configuration that it was made from.
-struct EnvSetting {
-    std::string name;  // "threshold"
-    std::string help;  // its sentence
-    Range range;       // of numbers
-    SettingMember member;
-};
-
-/// Returns the settings of `config` in the table's order.
-std::vector<EnvSetting> env_settings(EnvConfig& config);
 
 /// Reads a setting from text, as YAML and the command line do. Throws std::out_of_range for an unknown name
 /// and std::invalid_argument for a value that is not allowed, both with the sentence to show.

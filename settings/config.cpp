@@ -59,19 +59,6 @@ std::string quoted(const std::string& text) {
     return emitter.c_str();
 }
 
-struct Writer {
-    std::string operator()(const std::int64_t* member) const { return fmt::to_string(*member); }
-    std::string operator()(const double* member) const { return fmt::to_string(*member); }
-    template <class Number>
-    std::string operator()(const std::optional<Number>* member) const {
-        return *member ? fmt::to_string(**member) : "none";
-    }
-    std::string operator()(const IntegerRange* member) const { return setting_text(*member); }
-    std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
-    std::string operator()(const std::string* member) const { return *member; }
-    std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
-};
-
 // ---- keys ---------------------------------------------------------------------------
 
 std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
@@ -364,7 +351,7 @@ void ConfigEntry::set(std::string_view text) const {
 }
 
 std::string ConfigEntry::get() const {
-    return std::visit(Writer{}, member);
+    return written_setting(member);
 }
 
 void ConfigTable::add(std::string_view section, std::string_view name, std::string_view help, Range range,

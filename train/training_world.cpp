@@ -3,7 +3,6 @@
 #include <memory>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "cale/games.h"
 #include "cale/random_play.h"
@@ -15,10 +14,7 @@ namespace {
 
 PolicyInfo policy_info(const EnvConfig& env) {
     PolicyInfo info;
-    for (const auto* const game : games_of(env.game)) {
-        if (!info.game.empty()) info.game += '+';
-        info.game += game->name;
-    }
+    info.game = game_names(env.game);
     info.action_space = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
     if (env.action_space != ActionSet::continuous) {
         const Env game(config_of(env, 0), /*seed=*/0);
@@ -74,7 +70,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             lines.emplace_back("stick", stick);
         return lines;
     };
-    return {.id = fmt::format("ALE/{}-v5", fmt::join(names, "+")),
+    return {.id = fmt::format("ALE/{}-v5", game_names(env.game)),
             .name = variant_name(env),
             .num_envs = env.num_envs,
             .threads = VectorEnv::threads(env),

@@ -41,8 +41,7 @@ bool holds_joystick(const PolicyInfo& info) {
 /// Where a decision puts the joystick: an event is at the rim.
 ContinuousAction stick_of(const PolicyInfo& info, const Decision& decision) {
     if (holds_joystick(info)) return decision.stick;
-    const auto all = factored_events();
-    return factored_stick(std::find(all.begin(), all.end(), decision.event) - all.begin());
+    return event_stick(decision.event);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
-#include <type_traits>
+#include <string>
 
 #include "cale/setting.h"
 #include "cale/text.h"
@@ -10,42 +10,19 @@
 namespace cale::web {
 namespace {
 
-// Of each type of setting, its value as read_setting() reads it.
-
-std::string text_of(const std::string& value) {
-    return value;
-}
-std::string text_of(bool value) {
-    return value ? "true" : "false";
-}
-template <class Enum>
-requires std::is_enum_v<Enum> std::string text_of(Enum value) {
-    return std::string(names_of(value)[static_cast<std::size_t>(value)]);
-}
-template <class Value>
-requires(!std::is_enum_v<Value>) std::string text_of(const Value& value) {
-    return setting_text(value);
-}
-
-/// Calls use(member, range) with the setting's. Throws std::invalid_argument where there is none.
-template <class Use>
-void with_setting(EnvConfig& env, std::string_view name, const Use& use) {
-    bool known = false;
-    fields(env, [&](std::string_view field, auto& member, const auto& range_or_help, const auto&...) {
-        if (field != name) return;
-        known = true;
-        if constexpr (std::is_same_v<std::remove_cvref_t<decltype(range_or_help)>, Range>) {
-            use(member, range_or_help);
-        } else {
-            use(member, Range());
-        }
-    });
-    if (!known) throw std::invalid_argument("there is no setting '" + std::string(name) + "'");
+/// Throws std::invalid_argument where there is none.
+SettingField setting_called(std::string_view name, EnvConfig& env) {
+    const auto settings = setting_fields(env);
+    const auto found = std::find_if(settings.begin(), settings.end(),
+                                    [name](const SettingField& setting) { return setting.name == name; });
+    if (found == settings.end())
+        throw std::invalid_argument("there is no setting '" + std::string(name) + "'");
+    return *found;
 }
 
 void set(EnvConfig& env, std::string_view name, std::string_view text) {
-    with_setting(env, name,
-                 [&](auto& member, Range range) { read_setting(name, range, text, setting_member(member)); });
+    const auto setting = setting_called(name, env);
+    read_setting(name, setting.range, text, setting.member);
 }
 
 }  // namespace
@@ -80,9 +57,7 @@ void change(EnvConfig& env, std::string_view lines) {
 }
 
 std::string setting(EnvConfig env, std::string_view name) {
-    std::string text;
-    with_setting(env, name, [&](const auto& member, Range) { text = text_of(member); });
-    return text;
+    return written_setting(setting_called(name, env).member);
 }
 
 }  // namespace cale::web
