@@ -25,6 +25,12 @@ void set(EnvConfig& env, std::string_view name, std::string_view text) {
     read_setting(name, setting.range, text, setting.member);
 }
 
+/// A configuration has texts in quotes that a reader of YAML might take for something else: "pong,breakout".
+std::string_view unquoted(std::string_view text) {
+    const bool quoted = text.size() >= 2 && text.front() == '"' && text.back() == '"';
+    return quoted ? text.substr(1, text.size() - 2) : text;
+}
+
 }  // namespace
 
 EnvConfig trained_env(const PolicyInfo& info) {
@@ -39,7 +45,7 @@ EnvConfig trained_env(const PolicyInfo& info) {
         if (!inside || !line.starts_with("  ") || colon == line.npos) continue;
         const auto name = line.substr(2, colon - 2);
         try {
-            if (name != "rom_dir") set(env, name, line.substr(colon + 2));
+            if (name != "rom_dir") set(env, name, unquoted(line.substr(colon + 2)));
         } catch (const std::invalid_argument& error) {
             throw std::runtime_error("this page is older than the policy: of its environment, " +
                                      std::string(error.what()));

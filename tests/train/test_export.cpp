@@ -19,6 +19,7 @@
 #include "agents/sac.h"
 #include "agents/sacd.h"
 #include "cale/env.h"
+#include "cale/text.h"
 #include "policy/policy_file.h"
 #include "policy/policy_lite.h"
 #include "settings/config.h"
@@ -333,6 +334,18 @@ TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     EXPECT_EQ(error(), prefix + "it has no checkpoint yet");
     fs::remove(run / "config.yaml");
     EXPECT_EQ(error(), prefix + "it is the folder of neither a run nor a checkpoint");
+}
+
+TEST(ExportTest, TheWebPageReadsTheGamesOfAPolicyOfSeveral) {
+    EnvConfig env;
+    env.game = "pong,breakout";
+    ConfigTable table;
+    table.add("env", env);
+    PolicyInfo info;
+    for (const auto& line : split(table.to_yaml(), '\n'))  // as policy files have it, without comments
+        if (line.find('#') == line.npos) info.provenance["config"] += line + '\n';
+    EXPECT_EQ(web::trained_env(info).game, "pong,breakout");
+    EXPECT_EQ(env_config_of(info).game, "pong,breakout");
 }
 
 TEST(ExportTest, AConfigurationThatIsNone) {
