@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "cale/emulator.h"
+#include "cale/joystick_log.h"
 #include "cale/text.h"
 
 namespace cale {
@@ -176,7 +177,16 @@ ActionSpace action_space(const EnvConfig& config) {
 }
 
 ObservationSpace observation_space(const EnvConfig& config) {
-    if (config.obs == Obs::ram) return {.stack = config.frame_stack, .shape = {std::int64_t{kRamSize}}};
+    if (config.obs == Obs::ram) {
+        const auto joystick = config.observe_joystick ? joystick_log_size(config.frame_skip) : 0;
+        return {.stack = config.frame_stack, .shape = {std::int64_t{kRamSize} + joystick}};
+    }
+    if (config.observe_joystick) {
+        throw std::invalid_argument(
+            "env.observe_joystick is for observations of the memory: set env.obs to ram (agent.encoder mlp "
+            "or "
+            "flat), or leave it out");
+    }
     return {.stack = config.frame_stack, .shape = {kFrameHeight, kFrameWidth}};
 }
 
@@ -226,6 +236,7 @@ struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
         : config((check_ranges(env_config), only_game(env_config), check_joystick(env_config),
                   check_numbered_actions(env_config), env_config)),
+          observation_size(static_cast<std::size_t>(observation_space(config).frame_size())),
           emulator(only_game(config), find_rom(config.game, config.rom_dir),
                    places_paddle() ? 0.0F : static_cast<float>(config.sticky_probability), seed,
                    {config.mode, config.difficulty}),
@@ -247,6 +258,7 @@ struct Env::Impl {
 
     void start_game() {
         held = ContinuousAction{};
+        told = {};
         seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
         frames.start(emulator.screen());
@@ -352,8 +364,9 @@ struct Env::Impl {
         return advance([&] {
             if (const auto action = next_action()) {
                 held = *action;
-                if (const auto* const stick = std::get_if<ContinuousAction>(&held)) validate(*stick);
-                if (moving_stick) moving_stick->command(stick_of(held), motion_generator);
+                told = stick_of(held);
+                validate(told);
+                if (moving_stick) moving_stick->command(told, motion_generator);
             }
             if (!moving_stick)
                 return std::visit([this](const auto& action) { return push_of(action); }, held);
@@ -390,14 +403,20 @@ struct Env::Impl {
         }
     }
 
-    void observe(std::span<std::uint8_t> observation) {
+    void observe(std::span<std::uint8_t> observation, const StepResult& step = {.frames = 0}) {
         if (config.obs == Obs::pixels) return frames.write(observation);
-        const auto ram = visible();
-        if (observation.size() != ram.size()) {
-            throw std::invalid_argument("an observation of the memory has " + std::to_string(ram.size()) +
-                                        " bytes, not " + std::to_string(observation.size()));
+        if (observation.size() != observation_size) {
+            throw std::invalid_argument("an observation of the memory has " +
+                                        std::to_string(observation_size) + " bytes, not " +
+                                        std::to_string(observation.size()));
         }
-        std::ranges::copy(ram, observation.begin());
+        std::ranges::copy(visible(), observation.begin());
+        if (!config.observe_joystick) return;
+        write_joystick_log(
+            {.told = told,
+             .position = moving_stick ? moving_stick->position() : position_of(told),
+             .events = std::span(step.frame_events).first(static_cast<std::size_t>(step.frames))},
+            observation.subspan(kRamSize));
     }
 
     /// Whether a game draws from motion_generator.
@@ -426,12 +445,16 @@ struct Env::Impl {
     }
 
     StepResult step(const ContinuousAction& action) {
+        told = action;
         if (!records_commands()) return step(push_of(action));
         const auto result = moving_stick ? advance(action) : advance([&] { return push_of(action); });
         record.commands.push_back(action);
         return result;
     }
-    StepResult step(Event event) { return moving_stick ? step(event_stick(event)) : step(push_of(event)); }
+    StepResult step(Event event) {
+        told = event_stick(event);
+        return moving_stick ? step(told) : step(push_of(event));
+    }
     StepResult step(const Push& push) {
         const auto result = advance([&push] { return push; });
         record.events.push_back(push.event);
@@ -468,6 +491,7 @@ struct Env::Impl {
     }
 
     EnvConfig config;
+    std::size_t observation_size;
     Emulator emulator;
     FramePipeline frames;
     std::vector<Event> actions;
@@ -475,6 +499,7 @@ struct Env::Impl {
     std::mt19937 motion_generator;  // latencies, the noise of commands, and where a placed paddle sticks
     std::optional<MovingStick> moving_stick;
     FrameAction held;                // by a console that does not wait
+    ContinuousAction told;           // the joystick of the newest action
     Push seen_paddle;                // by the console in the last frame, where the action places the paddle
     std::vector<std::uint8_t> seen;  // where the agent sees late
     DelayLine<std::vector<std::uint8_t>> delay;
@@ -500,7 +525,7 @@ StepResult Env::step(const ContinuousAction& action, std::span<std::uint8_t> obs
     }
     validate(action);
     const auto result = impl_->step(action);
-    impl_->observe(observation);
+    impl_->observe(observation, result);
     return result;
 }
 
@@ -511,14 +536,14 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
                                 std::to_string(actions.size()) + " discrete actions of this environment");
     }
     const auto result = impl_->step(actions[static_cast<std::size_t>(action)]);
-    impl_->observe(observation);
+    impl_->observe(observation, result);
     return result;
 }
 
 StepResult Env::step(const std::function<std::optional<FrameAction>()>& next_action,
                      std::span<std::uint8_t> observation) {
     const auto result = impl_->advance(next_action);
-    impl_->observe(observation);
+    impl_->observe(observation, result);
     return result;
 }
 

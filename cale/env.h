@@ -52,6 +52,7 @@ struct EnvConfig {
     std::int64_t num_envs = 1;
     std::int64_t env_threads = 0;  // 0: one per environment, at most one per core
     Obs obs = Obs::pixels;
+    bool observe_joystick = false;
     ActionSet action_space = ActionSet::continuous;
     Joystick joystick = Joystick::polar;
     double threshold = 0.5;
@@ -82,6 +83,10 @@ void fields(EnvConfig& config, Visit&& visit) {
           "threads that step them; 0: as many as there are cores");
     visit("obs", config.obs,
           "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes (encoder mlp or flat)");
+    visit(
+        "observe_joystick", config.observe_joystick,
+        "an observation of the memory also has what the joystick was told, where it is, and what the console "
+        "saw of it in each frame");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
     visit(
@@ -136,7 +141,9 @@ Joystick coordinates(const EnvConfig& config);
 /// Returns the action space as far as the settings alone determine it: a game's minimal set counts as 18
 /// actions. Throws std::invalid_argument for settings that do not go together.
 ActionSpace action_space(const EnvConfig& config);
-/// Returns the observation space: frame_stack screens {84, 84}, or as many times the bytes of memory {128}.
+/// Returns the observation space: frame_stack screens {84, 84}, or as many times the bytes of memory {128},
+/// with observe_joystick those of write_joystick_log() after them. Throws std::invalid_argument where
+/// observe_joystick is to be seen in pixels.
 ObservationSpace observation_space(const EnvConfig& config);
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the folder named by ALE_ROMS_DIR, else in the `roms`
@@ -174,7 +181,8 @@ class Env {
     void reset(std::span<std::uint8_t> observation);
 
     /// One agent step: the action for frame_skip frames, fewer if the agent's episode ends before.
-    /// Writes the brighter of the last two screens to `observation`, or the memory after the last frame.
+    /// Writes the brighter of the last two screens to `observation`, or the memory after the last frame, and
+    /// the joystick of the step, which is known at once whatever the latency of the observation.
     /// Throws std::invalid_argument, naming the value, for NaN or out-of-range coordinates, and
     /// std::logic_error before the first reset() and after `episode_over`.
     StepResult step(const ContinuousAction& action, std::span<std::uint8_t> observation);

@@ -110,7 +110,8 @@ void draw_joystick(cv::Mat& image, const Scene& scene, cv::Point2d centre, doubl
 Image compose_frame(const Scene& scene) {
     const auto screen_bytes =
         std::size_t{3} * static_cast<std::size_t>(scene.screen_width * scene.screen_height);
-    const bool memory = scene.observation.size() == kRamSize;
+    // The joystick's bytes after the memory are not drawn: it has a dial of its own.
+    const bool memory = scene.observation.size() >= kRamSize && scene.observation.size() < kFrameSize;
     if (scene.screen.size() != screen_bytes || (!memory && scene.observation.size() != kFrameSize)) {
         throw std::invalid_argument(
             fmt::format("a scene needs {} bytes of screen and {} of observation, but has {} and {}",

@@ -28,7 +28,8 @@ _RESET_OPTIONS = ("reset_mask", "new_game")
 class VectorEnv(gymnasium.vector.VectorEnv):
     """N Atari 2600 games that step together, on threads of their own; as Gymnasium has vector environments.
 
-    Observations: [N, stack, 84, 84] screens in grey, newest last, or [N, stack, 128] bytes of memory; uint8.
+    Observations: [N, stack, 84, 84] screens in grey, newest last, or [N, stack, 128] bytes of memory (more with
+    `observe_joystick`); uint8.
     Actions: by default the continuous joystick, (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1].
     Infos, an array of N each: `lives`; `frames`, emulated in the step; `event`, the joystick event that the
     action stood for, and `frame_events`, what the console saw in each frame; `episode_over`, whether the game
