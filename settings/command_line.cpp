@@ -29,6 +29,7 @@ constexpr TrainOption kOptions[] = {
     {"--run-dir", "DIR", "folder for everything that the run writes"},
     {"--resume", "", "continue the run in --run-dir from its newest good checkpoint"},
     {"--accept-changes", "", "with --resume: continue although settings of the agent or the training differ"},
+    {"--until", "STEP", "pause at this agent step: write a checkpoint, to resume from, and leave"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
     {"--threads", "N",
      "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
@@ -71,6 +72,13 @@ void check_threads(const std::string& threads) {
     }
 }
 
+std::int64_t agent_step(const std::string& until) {
+    const auto step = number_in<std::int64_t>(until);
+    if (!step || *step < 1)
+        throw ConfigError(fmt::format("--until must be an agent step from 1, not '{}'", until));
+    return *step;
+}
+
 std::string unknown_option(std::string_view argument, const ConfigTable& table) {
     const auto name = argument.substr(0, argument.find('='));
     std::vector<std::string> names;
@@ -94,6 +102,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     Arguments arguments;
     CommandLine& line = arguments.line;
     bool no_progress = false;
+    std::string until;
 
     CLI::App app;
     app.set_help_flag();
@@ -102,6 +111,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     app.add_option("--config", line.config_file);
     app.add_option("--set", line.overrides)->allow_extra_args(false)->take_all();
     app.add_option("--run-dir", line.run_dir);
+    app.add_option("--until", until);
     app.add_option("--device", line.device);
     app.add_option("--threads", line.threads);
     for (const auto& [name, flag] : {std::pair("--resume", &line.resume),
@@ -154,6 +164,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
         throw ConfigError("--or is for --print-config");
     check_device(line.device);
     check_threads(line.threads);
+    if (!until.empty()) line.until = agent_step(until);
     if (line.resume && line.run_dir.empty()) {
         throw ConfigError("--resume needs --run-dir DIR, the folder of the run to continue");
     }

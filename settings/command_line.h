@@ -33,6 +33,7 @@ struct CommandLine {
     std::string run_dir;                 // empty: the program chooses one
     bool resume = false;
     bool accept_changes = false;   // resume although settings differ
+    std::int64_t until = 0;        // agent step at which to pause; 0: none
     std::string device = "auto";   // auto, cpu, cuda or cuda:<index>
     std::string threads = "auto";  // auto or a number from 1
     bool progress = true;

@@ -227,6 +227,7 @@ std::vector<std::string> command_of(const PlannedRun& planned, const RunPlace& p
     for (const auto& setting : planned.run.settings) command.push_back(assignment(setting));
     command.insert(command.end(), {"--run-dir", place.folder.string(), "--threads",
                                    std::to_string(place.threads), "--device", place.device, "--no-progress"});
+    if (planned.until > 0) command.insert(command.end(), {"--until", std::to_string(planned.until)});
     if (resume) command.emplace_back("--resume");
     return command;
 }

@@ -17,6 +17,7 @@
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
 #include "sweep/run_folder.h"
+#include "sweep/search.h"
 #include "sweep/shell.h"
 #include "sweep/slurm.h"
 #include "sweep/sweep_file.h"
@@ -134,6 +135,8 @@ SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, cons
     if (!sharing.devices.empty())
         slurm.command.insert(slurm.command.end(),
                              {"--device", fmt::format("{}", fmt::join(sharing.devices, ","))});
+    if (options.search == SearchMethod::random)
+        slurm.command.insert(slurm.command.end(), {"--search", "random"});
     for (const auto& text : options.overrides) slurm.command.insert(slurm.command.end(), {"--set", text});
     return slurm;
 }
@@ -168,12 +171,38 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     return exit_code;
 }
 
+// ---- searches -----------------------------------------------------------------------
+
+void check_search(const SweepOptions& options, const Sweep& sweep) {
+    const auto file = options.file.string();
+    if (sweep.search && options.search == SearchMethod::none) {
+        throw ConfigError(fmt::format(
+            "{} has 'search:', so say --search random, which trains every sample to the end, or --search "
+            "halving, with which the better half goes on again and again",
+            file));
+    }
+    if (!sweep.search && options.search != SearchMethod::none) {
+        throw ConfigError(fmt::format(
+            "--search: {} has no 'search:' that says which settings to draw; docs/sweeps.md has an example",
+            file));
+    }
+    if (options.search != SearchMethod::halving) return;
+    if (options.launcher == Launcher::slurm)
+        throw ConfigError(
+            "--search halving compares runs as they go, on this machine: leave --launcher slurm out, or say "
+            "--search "
+            "random");
+    if (!options.only.empty())
+        throw ConfigError("--search halving compares all runs: leave --only out, or say --search random");
+}
+
 }  // namespace
 
 int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto sweep = read_sweep(options.file, options.overrides);
     std::vector<std::string> all_runs;
     for (const auto& run : sweep.runs) all_runs.push_back(run.name);
+    check_search(options, sweep);
     keep_only(sweep.runs, options.only);
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
     check_folder(folder);
@@ -185,14 +214,25 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto machine = Machine::here();
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
-    if (options.task == SweepTask::show_commands)
-        return show_commands(runs, folder, options, slots.slots.front().device, out);
+    const bool compares = options.search != SearchMethod::none && options.only.empty();
+    if (options.task == SweepTask::show_commands) {
+        const auto first =
+            compares ? paused_at(runs, rungs(options.search, *sweep.search, runs.front().total_steps).front())
+                     : runs;
+        return show_commands(first, folder, options, slots.slots.front().device, out);
+    }
     make_folder(folder, all_runs);
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
-    return run_locally(
-        runs, folder, slots,
-        {.threads = options.sharing.threads, .retries = options.retries, .live_table = options.live_table});
+    const auto train = [&](std::span<const PlannedRun> some) {
+        return run_locally(some, folder, slots,
+                           {.threads = options.sharing.threads,
+                            .retries = options.retries,
+                            .live_table = options.live_table});
+    };
+    if (!compares) return train(runs);
+    return run_search(
+        {.sweep = sweep, .runs = runs, .method = options.search, .folder = folder, .train = train}, out);
 }
 
 }  // namespace cale

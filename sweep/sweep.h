@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sweep/machine.h"
+#include "sweep/search.h"
 
 namespace cale {
 
@@ -18,6 +19,7 @@ struct SweepOptions {
     std::vector<std::string> overrides;  // KEY=VALUE[,VALUE...], see read_sweep()
     std::filesystem::path folder;        // of the runs' folders; empty: runs/<name of the file>
     std::vector<std::string> only;       // patterns of the names of runs (*, ?); empty: all runs
+    SearchMethod search = SearchMethod::none;
     SweepTask task = SweepTask::train;
     Launcher launcher = Launcher::local;
     Sharing sharing;

@@ -25,11 +25,18 @@ struct Contents {
     Grid common{};  // agent, config and `set`
     Grid grid{};
     std::vector<Grid> variants{};
+    std::optional<SearchSpace> search{};
 };
 
-bool is_key(std::string_view key) {
+constexpr std::int64_t kMostSamples = 10'000, kLargestSeed = 2'147'483'647, kMostSteps = 1'000'000'000'000;
+
+bool is_setting(std::string_view key) {
     const auto dot = key.find('.');
-    return key == "agent" || key == "config" || (dot != key.npos && dot > 0 && dot + 1 < key.size());
+    return dot != key.npos && dot > 0 && dot + 1 < key.size();
+}
+
+bool is_key(std::string_view key) {
+    return key == "agent" || key == "config" || is_setting(key);
 }
 
 std::string no_key(std::string_view key) {
@@ -67,27 +74,42 @@ class Reader {
                 if (!item.second.IsSequence())
                     fail(item.second, "'variants' is a list of grids: '- key: value'");
                 for (const auto& variant : item.second) contents.variants.push_back(grid(variant));
+            } else if (section == "search") {
+                contents.search = search(item.second);
             } else {
-                const std::vector<std::string> sections = {"agent", "config", "set", "grid", "variants"};
-                const auto guess = nearest(section, sections);
-                fail(item.first,
-                     fmt::format("unknown key '{}'; {}", section,
-                                 guess.empty() ? fmt::format("there are {}", fmt::join(sections, ", "))
-                                               : fmt::format("did you mean '{}'?", guess)));
+                fail_unknown(item.first, {"agent", "config", "set", "grid", "variants", "search"});
             }
         }
-        for (auto& variant : contents.variants) {
-            for (const auto& axis : variant) {
-                if (find(contents.grid, axis.key) != nullptr)
-                    throw ConfigError(
-                        fmt::format("{}: '{}' is in 'grid' and in 'variants'; leave it in one of them",
-                                    file_.string(), axis.key));
-            }
-        }
+        check_sections(contents);
         return contents;
     }
 
   private:
+    /// A key that varies is in one section.
+    void check_sections(Contents& contents) const {
+        const auto require_other = [&](Grid& grid, const std::string& key, const char* first,
+                                       const char* second) {
+            if (find(grid, key) == nullptr) return;
+            throw ConfigError(fmt::format("{}: '{}' is in '{}' and in '{}'; leave it in one of them",
+                                          file_.string(), key, first, second));
+        };
+        for (const auto& variant : contents.variants) {
+            for (const auto& axis : variant) require_other(contents.grid, axis.key, "grid", "variants");
+        }
+        if (!contents.search) return;
+        for (const auto& setting : contents.search->settings) {
+            require_other(contents.grid, setting.key, "grid", "search");
+            for (auto& variant : contents.variants) require_other(variant, setting.key, "variants", "search");
+        }
+    }
+
+    [[noreturn]] void fail_unknown(const YAML::Node& key, const std::vector<std::string>& known) const {
+        const auto name = word(key);
+        const auto guess = nearest(name, known);
+        fail(key, fmt::format("unknown key '{}'; {}", name,
+                              guess.empty() ? fmt::format("there are {}", fmt::join(known, ", "))
+                                            : fmt::format("did you mean '{}'?", guess)));
+    }
     [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const { fail(node.Mark(), what); }
     [[noreturn]] void fail(const YAML::Mark& mark, const std::string& what) const {
         throw ConfigError(fmt::format("{}: {}", place(mark), what));
@@ -163,6 +185,73 @@ class Reader {
         return axes;
     }
 
+    std::int64_t integer(const YAML::Node& node, std::int64_t low, std::int64_t high) const {
+        auto text = word(node);
+        std::erase(text, '_');
+        const auto number = number_in<std::int64_t>(text);
+        if (!number || *number < low || *number > high)
+            fail(node, fmt::format("expected an integer, {} to {}, not '{}'", low, high, word(node)));
+        return *number;
+    }
+
+    SearchSpace search(const YAML::Node& node) const {
+        check_map(node,
+                  "'search' has 'samples:', how many sets of settings to draw, and 'settings:', what from");
+        SearchSpace space;
+        for (const auto& item : node) {
+            const auto key = word(item.first);
+            if (key == "samples") {
+                space.samples = integer(item.second, 1, kMostSamples);
+            } else if (key == "seed") {
+                space.seed = static_cast<std::uint64_t>(integer(item.second, 0, kLargestSeed));
+            } else if (key == "first_steps") {
+                space.first_steps = integer(item.second, 1, kMostSteps);
+            } else if (key == "settings") {
+                space.settings = searched_settings(item.second);
+            } else {
+                fail_unknown(item.first, {"samples", "seed", "first_steps", "settings"});
+            }
+        }
+        if (space.samples == 0) fail(node, "'search' lacks 'samples:', how many sets of settings to draw");
+        if (space.settings.empty())
+            fail(node, "'search' lacks 'settings:', the settings to draw and from what");
+        return space;
+    }
+
+    std::vector<SearchedSetting> searched_settings(const YAML::Node& node) const {
+        constexpr const char* expected =
+            "expected settings and what they are drawn from: 'agent.learning_rate: log 1e-5..1e-3', '1..10' "
+            "or a list";
+        check_map(node, expected);
+        std::vector<SearchedSetting> settings;
+        for (const auto& item : node) {
+            const auto key = word(item.first);
+            if (!is_setting(key)) fail(item.first, no_key(key));
+            if (key == "env.game" || key == "train.seed")
+                fail(item.first, fmt::format("'{}' is not searched: it goes below 'grid:'", key));
+            SearchedSetting setting{.key = key, .values = Choices(), .place = place(item.first.Mark())};
+            if (item.second.IsSequence()) {
+                Choices choices;
+                for (const auto& value : item.second) choices.push_back(word(value));
+                if (choices.empty()) fail(item.second, fmt::format("'{}' has no values", key));
+                setting.values = std::move(choices);
+            } else {
+                setting.values = range(item.second, expected);
+            }
+            settings.push_back(std::move(setting));
+        }
+        return settings;
+    }
+
+    NumberRange range(const YAML::Node& node, const char* expected) const {
+        try {
+            if (const auto found = number_range(word(node))) return *found;
+        } catch (const ConfigError& error) {
+            fail(node, error.what());
+        }
+        fail(node, fmt::format("'{}' is no range; {}", word(node), expected));
+    }
+
     fs::path file_;
 };
 
@@ -191,6 +280,13 @@ void override_key(Contents& contents, const std::string& text) {
             varies = true;
         }
     };
+    if (contents.search) {
+        for (auto& setting : contents.search->settings) {
+            if (setting.key != key) continue;
+            setting = {.key = key, .values = axis.values};
+            return;
+        }
+    }
     replace(contents.grid);
     for (auto& variant : contents.variants) replace(variant);
     if (varies) return;
@@ -234,7 +330,8 @@ std::string file_name(std::string_view text) {
 }
 
 /// Where the file has each of its settings.
-std::map<std::string, std::string> places_of(const Contents& contents) {
+std::map<std::string, std::string> places_of(const Contents& contents,
+                                             const std::vector<std::vector<Setting>>& samples) {
     std::map<std::string, std::string> places;
     const auto add = [&](const Grid& grid) {
         for (const auto& axis : grid) {
@@ -245,6 +342,12 @@ std::map<std::string, std::string> places_of(const Contents& contents) {
     add(contents.common);
     add(contents.grid);
     for (const auto& variant : contents.variants) add(variant);
+    if (!contents.search) return places;
+    for (std::size_t i = 0; i < contents.search->settings.size(); ++i) {
+        const auto& place = contents.search->settings[i].place;
+        if (place.empty()) continue;
+        for (const auto& sample : samples) places.emplace(assignment(sample[i]), place);
+    }
     return places;
 }
 
@@ -253,8 +356,11 @@ class RunMaker {
     RunMaker(const fs::path& file, const Contents& contents)
         : file_(file), contents_(contents), short_keys_(short_keys(contents)) {}
 
-    SweepRun make(const std::vector<Setting>& varying) const {
+    /// `sample`: its number, from 1, and `drawn`, its settings; 0 without a search.
+    SweepRun make(const std::vector<Setting>& varying, std::int64_t sample,
+                  const std::vector<Setting>& drawn) const {
         SweepRun run;
+        run.sample = sample;
         std::string agent, config, seed, middle;
         const auto take = [&](const std::string& key, const std::string& value) {
             if (key == "agent") {
@@ -267,7 +373,8 @@ class RunMaker {
         };
         for (const auto& axis : contents_.common) {
             const auto same = [&](const Setting& setting) { return setting.key == axis.key; };
-            if (std::none_of(varying.begin(), varying.end(), same)) take(axis.key, axis.values.front());
+            if (std::ranges::none_of(varying, same) && std::ranges::none_of(drawn, same))
+                take(axis.key, axis.values.front());
         }
         for (const auto& [key, value] : varying) {
             take(key, value);
@@ -275,6 +382,7 @@ class RunMaker {
             const auto shown = key == "config" ? fs::path(value).stem().string() : value;
             middle += fmt::format("__{}={}", file_name(short_keys_.at(key)), file_name(shown));
         }
+        for (const auto& [key, value] : drawn) take(key, value);
         for (const auto& [key, value] : run.settings) {
             if (key == "env.game") run.game = find_game(value).name;
             if (key == "train.seed") seed = value;
@@ -287,7 +395,12 @@ class RunMaker {
             if (const auto at = config.find("{agent}"); at != std::string::npos) config.replace(at, 7, agent);
             run.config = (fs::absolute(file_).parent_path() / config).lexically_normal();
         }
-        run.name = fmt::format("{}__{}{}__{}", run.game, file_name(agent), middle, file_name(seed));
+        const auto name = [&](const std::string& of_sample) {
+            return fmt::format("{}__{}{}{}__{}", run.game, file_name(agent), middle, of_sample,
+                               file_name(seed));
+        };
+        run.combination = name("");
+        run.name = sample > 0 ? name(fmt::format("__sample={}", sample)) : run.combination;
         return run;
     }
 
@@ -301,6 +414,14 @@ class RunMaker {
     std::map<std::string, std::string> short_keys_;
 };
 
+std::vector<std::vector<Setting>> samples_of(const fs::path& file, const SearchSpace& space) {
+    try {
+        return draw_samples(space);
+    } catch (const ConfigError& error) {
+        throw ConfigError(fmt::format("{}: {}", file.string(), error.what()));
+    }
+}
+
 }  // namespace
 
 std::string assignment(const Setting& setting) {
@@ -311,15 +432,16 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
     auto contents = Reader(file).read();
     for (const auto& text : overrides) override_key(contents, text);
 
-    Sweep sweep{.name = file.stem().string(), .runs = {}, .places = places_of(contents)};
+    Sweep sweep{.name = file.stem().string(), .search = contents.search};
+    if (contents.search) sweep.samples = samples_of(file, *contents.search);
+    sweep.places = places_of(contents, sweep.samples);
     const RunMaker maker(file, contents);
     std::map<std::string, std::size_t> seen;
-    for (const auto& varying : combinations(contents.grid, contents.variants)) {
-        auto run = maker.make(varying);
+    const auto add = [&](SweepRun run) {
         const auto [found, is_new] = seen.emplace(run.name, sweep.runs.size());
         if (is_new) {
             sweep.runs.push_back(std::move(run));
-            continue;
+            return;
         }
         // Variants may overlap.
         const auto& other = sweep.runs[found->second];
@@ -329,7 +451,14 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
                             "can be told apart",
                             file.string(), run.name));
         }
+    };
+    for (const auto& varying : combinations(contents.grid, contents.variants)) {
+        if (!contents.search) add(maker.make(varying, 0, {}));
+        for (std::size_t i = 0; i < sweep.samples.size(); ++i)
+            add(maker.make(varying, static_cast<std::int64_t>(i) + 1, sweep.samples[i]));
     }
+    if (sweep.runs.size() > kMostRuns)
+        throw ConfigError(fmt::format("{}: more than {} runs", file.string(), kMostRuns));
     return sweep;
 }
 

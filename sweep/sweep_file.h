@@ -12,22 +12,25 @@
 //       - agent.exploration: standard
 //       - agent.exploration: epsilon_greedy
 //         agent.epsilon_train: [0.01, 0.1]
+//     search:                                     # or settings that are drawn (search_space.h)
+//       samples: 16                               # each is trained in every combination of the rest
+//       settings:
+//         agent.learning_rate: log 1e-5..1e-3
+//         agent.update_horizon: 1..10
+//         agent.batch_size: [32, 64]
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-namespace cale {
+#include "sweep/search_space.h"
 
-/// One setting of a run: "agent.encoder" and "phi_sac".
-struct Setting {
-    std::string key;
-    std::string value;
-    bool operator==(const Setting&) const = default;
-};
+namespace cale {
 
 /// "agent.encoder=phi_sac", as passed to the training programs.
 std::string assignment(const Setting& setting);
@@ -39,13 +42,17 @@ struct SweepRun {
     std::filesystem::path config;   // for --config; empty: the program's defaults
     std::string game;               // "Breakout"
     std::vector<Setting> settings;  // what differs from `config`, env.game and train.seed among it
+    std::int64_t sample = 0;        // of a search, from 1; 0: there is none
+    std::string combination{};      // its name without the sample, which runs of different samples share
 };
 
 struct Sweep {
     std::string name;  // of the file, without its ending
-    std::vector<SweepRun> runs;
+    std::vector<SweepRun> runs{};
     // "agent.encoder=phi_sac" -> "mine.yaml:9:3", where the file has the key; not what a command line has.
     std::map<std::string, std::string> places{};
+    std::optional<SearchSpace> search{};
+    std::vector<std::vector<Setting>> samples{};  // of the search, from number 1 on
 };
 
 /// Reads a sweep file and lists its runs, the first key of `grid` varying slowest and the variants fastest.
@@ -58,9 +65,13 @@ struct Sweep {
 /// `overrides` are KEY=VALUE[,VALUE...] of a command line; they replace the values of that key wherever the
 /// file has it, or add it. A `config` among them is relative to the current folder.
 ///
-/// A run's name has game and agent first, every key of `grid` and `variants` between, and the seed last.
-/// Throws ConfigError, "file:line:column: what is wrong", where the file cannot be read, a key or game is
-/// unknown, or two runs would share a folder. The training programs check the settings (see plan()).
+/// Of a search every combination is trained with each sample's settings, which go before all others; the
+/// samples vary fastest. Values of a searched key on the command line are drawn from instead of the file's.
+///
+/// A run's name has game and agent first, every key of `grid` and `variants` between, or sample=NUMBER, and
+/// the seed last. Throws ConfigError, "file:line:column: what is wrong", where the file cannot be read, a key
+/// or game is unknown, or two runs would share a folder. The training programs check the settings (see
+/// plan()).
 Sweep read_sweep(const std::filesystem::path& file, std::span<const std::string> overrides = {});
 
 }  // namespace cale

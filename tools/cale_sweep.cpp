@@ -19,7 +19,7 @@ struct Arguments {
     SweepOptions options;
     double memory = 0;  // GB
     std::vector<std::string> devices = {"auto"};
-    std::string launcher = "local";
+    std::string launcher = "local", search = "none";
     bool dry_run = false, status = false, no_progress = false;
 };
 
@@ -27,6 +27,9 @@ SweepOptions options_of(const Arguments& arguments) {
     auto options = arguments.options;
     options.cale = std::filesystem::read_symlink("/proc/self/exe");
     options.launcher = arguments.launcher == "slurm" ? Launcher::slurm : Launcher::local;
+    options.search = arguments.search == "random"    ? SearchMethod::random
+                     : arguments.search == "halving" ? SearchMethod::halving
+                                                     : SearchMethod::none;
     options.task = arguments.status    ? SweepTask::show_status
                    : arguments.dry_run ? SweepTask::show_commands
                                        : SweepTask::train;
@@ -92,6 +95,14 @@ void add_sweep(CLI::App& app, int& exit_code) {
         ->take_all()
         ->default_str("")
         ->type_name("PATTERN");
+    command
+        .add_option(
+            "--search", arguments->search,
+            "how to search the settings of the file's 'search:'; random: every sample is trained to the end; "
+            "halving: the better half goes on twice as far, again and again")
+        ->transform(one_of({"random", "halving"}))
+        ->default_str("")
+        ->type_name("METHOD");
     command.add_flag("--dry-run", arguments->dry_run, "print the commands, or Slurm's script, and leave");
     command.add_flag("--status", arguments->status, "print how every run stands, and leave");
     add_sharing(command, *arguments);
@@ -121,6 +132,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
         "  cale sweep sweeps/encoders.yaml --status\n"
         "  cale sweep sweeps/agents_200m.yaml --per-gpu 4\n"
         "  cale sweep sweeps/agents.yaml --launcher slurm --sbatch-option=--partition=cpu\n"
+        "  cale sweep sweeps/search.yaml --search halving\n"
         "  cale report runs/encoders\n"
         "\n"
         "Exit codes: 0 all runs finished, 1 some failed or are refused, 2 usage, 130 interrupted.");

@@ -226,6 +226,8 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
         const auto outcome = train(agent, world, settings, options);
         if (outcome == Outcome::finished) {
             metadata->finish();
+        } else if (outcome == Outcome::paused) {
+            metadata->stop(fmt::format("--until {}", options.until));
         } else {
             metadata->stop(
                 fmt::format("{}", stop_signal().empty() ? "another process was stopped" : stop_signal()));
@@ -395,6 +397,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     options.run_dir = run_dir;
     options.processes = processes;
     options.resume = line.resume;
+    options.until = line.until;
     options.changed = !changes.empty();
     options.config = program.table.to_yaml();
     options.checkpointed = [&] { metadata->write(); };
@@ -414,7 +417,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     try {
         const Outcome outcome = train_on_record(*agent, world, program.settings, options,
                                                 processes.first() ? &*metadata : nullptr);
-        return outcome == Outcome::finished ? kDone : kInterrupted;
+        return outcome == Outcome::interrupted ? kInterrupted : kDone;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
         throw ResumeError(

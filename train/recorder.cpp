@@ -170,10 +170,15 @@ bool Recorder::evaluations_decide() const {
     return settings_.train.keep_best && settings_.eval.every > 0 && settings_.eval.episodes > 0;
 }
 
+bool Recorder::reached_pause() const {
+    return options_.until > 0 && state_.step >= options_.until;
+}
+
 /// Several processes agree on it when they synchronise.
 bool Recorder::agreed_to_stop(bool together) const {
-    if (options_.processes.single()) return stop_requested();
-    return together && options_.processes.any(stop_requested());
+    const bool stops = stop_requested() || reached_pause();
+    if (options_.processes.single()) return stops;
+    return together && options_.processes.any(stops);
 }
 
 // The run ---------------------------------------------------------------------------------
@@ -225,11 +230,12 @@ Outcome Recorder::finish() {
     // A run that was killed behind the checkpoint of its last evaluation does not play that again.
     const bool evaluated = state_.score && state_.score->evaluated;
     if (!complete || (!evaluated && !run_evaluation())) {
+        const bool paused = !complete && reached_pause();
         if (files_)
-            files_->console.message(
-                fmt::format("Interrupted at agent step {}; resume with --resume --run-dir {}", state_.step,
-                            options_.run_dir.string()));
-        return Outcome::interrupted;
+            files_->console.message(fmt::format("{} at agent step {}; resume with --resume --run-dir {}",
+                                                paused ? "Paused" : "Interrupted", state_.step,
+                                                options_.run_dir.string()));
+        return paused ? Outcome::paused : Outcome::interrupted;
     }
     if (!evaluated) rewrite_checkpoint_after_evaluation();
     if (files_) {

@@ -46,6 +46,7 @@ class Recorder {
     bool synchronises(std::int64_t before) const;
     bool checkpoint_due(std::int64_t before) const;
     bool evaluations_decide() const;
+    bool reached_pause() const;
     bool agreed_to_stop(bool together) const;
     void write_episode(const Episode& episode);
     void write_row(bool to_tensorboard);

@@ -1,6 +1,7 @@
 // The training loop: environments, one agent, and a recorder.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
@@ -22,6 +23,7 @@ struct TrainOptions {
     /// Called once the run's state has been loaded, with the seconds of training so far.
     std::function<void(double)> resumed = {};
     std::function<void()> checkpointed = {};  // called whenever a checkpoint is started
+    std::int64_t until = 0;                   // agent step at which to pause; 0: none
     bool changed = false;                     // with resume: settings differ from the checkpoint's
     bool progress_bar = true;
     ProcessGroup processes{};  // that train together; the first one writes the files
@@ -30,12 +32,14 @@ struct TrainOptions {
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };
 
-enum class Outcome { finished, interrupted };
+/// paused: at TrainOptions::until.
+enum class Outcome { finished, paused, interrupted };
 
 /// Trains `agent` for train.total_steps agent steps and leaves in the run's folder
 /// progress.csv, episodes.csv, TensorBoard events, checkpoints/, learning_curve.svg and,
 /// if evaluations are enabled, eval/ and videos/.
 ///
+/// Pauses at TrainOptions::until after a checkpoint, as if it had been interrupted there.
 /// SIGINT and SIGTERM end it early, after a checkpoint; a second signal ends the program at once. Throws
 /// std::runtime_error if the disk fails or a logged value is not finite (earlier checkpoints are intact), and
 /// ResumeError.

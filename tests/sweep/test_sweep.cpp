@@ -25,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::Not;
 
 class SweepCommand : public testing::Test {
   protected:
@@ -78,6 +79,42 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     EXPECT_THAT(answer(), HasSubstr("#SBATCH --time=1:00:00\n"));
     EXPECT_THAT(answer(), HasSubstr("mine.yaml --dir " + fake_.sweep().string() +
                                     " --jobs 1 --threads 1 --retries 2 "));
+}
+
+TEST_F(SweepCommand, ASearchIsTrainedAndCompared) {
+    options_.file = fake_.write("searched.yaml", fmt::format("agent: fake\n"
+                                                             "set: {{env.rom_dir: {}/roms}}\n"
+                                                             "grid: {{train.seed: 1, env.game: pong}}\n"
+                                                             "search:\n"
+                                                             "  samples: 2\n"
+                                                             "  settings: {{agent.rate: 1..5}}\n",
+                                                             fake_.path().string()));
+    const auto refusal = [&] { return test::error_of<ConfigError>([&] { answer(); }); };
+    EXPECT_THAT(refusal(), HasSubstr("searched.yaml has 'search:', so say --search random"));
+    options_.search = SearchMethod::halving;
+    options_.only = {"*"};
+    EXPECT_THAT(refusal(), HasSubstr("leave --only out"));
+    options_.only = {};
+    options_.launcher = Launcher::slurm;
+    EXPECT_THAT(refusal(), HasSubstr("leave --launcher slurm out"));
+    options_.launcher = Launcher::local;
+    options_.task = SweepTask::show_commands;
+    EXPECT_THAT(answer(), HasSubstr("--no-progress --until 12\n")) << "an eighth of 100 steps";
+    options_.search = SearchMethod::random;
+    EXPECT_THAT(answer(), Not(HasSubstr("--until")));
+
+    options_.task = SweepTask::train;
+    EXPECT_THAT(answer(),
+                HasSubstr("Agent step 100, the end:\n   rank  sample  agent.rate\n   1.50       1 "));
+    EXPECT_EQ(code_, 0);
+    EXPECT_TRUE(fs::exists(fake_.sweep() / "Pong__fake__sample=2__1"));
+    EXPECT_TRUE(fs::exists(fake_.sweep() / "search_best.yaml"));
+    options_.overrides = {"agent.rate=2,3,4"};
+    EXPECT_EQ(answer(), "");
+    EXPECT_EQ(code_, 1) << "the folder has runs of other samples";
+
+    options_.file = fake_.path() / "mine.yaml";
+    EXPECT_THAT(refusal(), HasSubstr("mine.yaml has no 'search:'"));
 }
 
 TEST_F(SweepCommand, ListsAllItsRunsForTheReport) {

@@ -148,6 +148,57 @@ TEST_F(SweepFile, NamesAreFoldersWhateverTheValues) {
                 ElementsAre("Pong__sac__rom_dir=-my-roms--__1"));
 }
 
+TEST_F(SweepFile, ASearchTrainsEverySampleInEveryCombination) {
+    const auto text = small_ +
+                      "set: {agent.rate: 1}\n"
+                      "search:\n"
+                      "  samples: 2\n"
+                      "  settings:\n"
+                      "    agent.rate: log 1e-5..1e-3\n"
+                      "    agent.size: [1, 2]\n";
+    const auto sweep = read(text);
+    ASSERT_EQ(sweep.samples.size(), 2U);
+    std::vector<std::string> names;
+    for (const auto& run : sweep.runs) {
+        names.push_back(run.name);
+        const auto& sample = sweep.samples[static_cast<std::size_t>(run.sample) - 1];
+        EXPECT_EQ(value_of(run, "agent.rate"), sample[0].value) << "a searched setting goes before 'set'";
+        EXPECT_EQ(value_of(run, "agent.size"), sample[1].value);
+        EXPECT_EQ(sweep.places.at(assignment(sample[1])).substr(folder_.path().string().size()),
+                  "/mine.yaml:10:5");
+    }
+    EXPECT_THAT(names, ElementsAre("Pong__sac__sample=1__1", "Pong__sac__sample=2__1",
+                                   "Pong__sac__sample=1__2", "Pong__sac__sample=2__2"));
+    EXPECT_EQ(sweep.runs[0].combination, "Pong__sac__1");
+    for (const auto& run : read(text, {"agent.rate=0.5"}).runs) EXPECT_EQ(value_of(run, "agent.rate"), "0.5");
+    EXPECT_EQ(read(small_).search, std::nullopt);
+}
+
+TEST_F(SweepFile, MistakesInASearchSayWhere) {
+    const auto search = [&](const std::string& text) { return mistake(small_ + "search: {" + text + "}\n"); };
+    EXPECT_THAT(search("samples: 3"), HasSubstr("mine.yaml:5:9: 'search' lacks 'settings:'"));
+    EXPECT_THAT(search("settings: {agent.size: 1..3}"), HasSubstr("'search' lacks 'samples:'"));
+    EXPECT_THAT(search("sample: 3"),
+                HasSubstr("mine.yaml:5:10: unknown key 'sample'; did you mean 'samples'?"));
+    EXPECT_THAT(search("samples: 0"), HasSubstr("expected an integer, 1 to 10000, not '0'"));
+    const auto settings = [&](const std::string& text) {
+        return search("samples: 3, settings: {" + text + "}");
+    };
+    EXPECT_THAT(settings("agent.size: 5"),
+                HasSubstr("'5' is no range; expected settings and what they are drawn from"));
+    EXPECT_THAT(settings("agent.size: 5..1"), HasSubstr("the range 5..1 is empty"));
+    EXPECT_THAT(settings("agent.size: log -1..1"), HasSubstr("above 0"));
+    EXPECT_THAT(settings("agent.size: []"), HasSubstr("'agent.size' has no values"));
+    EXPECT_THAT(settings("agent.size: [1, 2]"),
+                HasSubstr("no more than 2 different samples were found, of 3"));
+    EXPECT_THAT(settings("agent: [sac, der]"), HasSubstr("'agent' is no key"));
+    EXPECT_THAT(settings("train.seed: 1..9"),
+                HasSubstr("'train.seed' is not searched: it goes below 'grid:'"));
+    EXPECT_THAT(
+        mistake(small_ + "  agent.size: [1, 2]\nsearch: {samples: 2, settings: {agent.size: 1..9}}\n"),
+        HasSubstr("'agent.size' is in 'grid' and in 'search'; leave it in one of them"));
+}
+
 TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake(small_ + "gird: {}\n"),
                 HasSubstr("mine.yaml:5:1: unknown key 'gird'; did you mean 'grid'?"));

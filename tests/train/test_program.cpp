@@ -144,6 +144,37 @@ TEST(ProgramEmulator, TrainsOnePolicyInSeveralGames) {
     EXPECT_EQ(env_config_of(policy.info()).game, "pong,breakout");
 }
 
+TEST(ProgramEmulator, PausesAtAStepAndGoesOnAsIfItHadNot) {
+    const TemporaryFolder folder;
+    const std::vector<std::string> learns{
+        "agent.min_replay=20",  "agent.batch_size=4", "env.max_frames_per_episode=60",
+        "train.total_steps=60", "eval.episodes=1",    "eval.video=false"};
+    const auto whole = folder.path() / "whole", paused = folder.path() / "paused";
+    ASSERT_EQ(train_sac(small(whole, learns)).code, 0);
+
+    auto until = learns;
+    until.insert(until.end(), {"--until", "30"});
+    const auto answer = train_sac(small(paused, until));
+    EXPECT_EQ(answer.code, 0);
+    EXPECT_THAT(answer.stderr_text, testing::HasSubstr("Paused at agent step 30; resume with --resume"));
+    EXPECT_EQ(metadata_of(paused)["stopped"], "--until 30");
+    EXPECT_TRUE(std::filesystem::exists(paused / "checkpoints/step_000000030"));
+    EXPECT_FALSE(std::filesystem::exists(paused / "eval"));
+    EXPECT_EQ(train_sac(resuming(paused, 60, {"--until", "30"})).code, 0) << "it is there already";
+    EXPECT_FALSE(std::filesystem::exists(paused / "checkpoints/step_000000031"));
+    ASSERT_EQ(train_sac(resuming(paused, 60, {"--until", "100"})).code, 0);
+    EXPECT_EQ(metadata_of(paused)["finished"], true);
+    for (const std::string file : {"eval/step_000000060.csv",
+                                   "checkpoints/step_000000060/agent.safetensors.zst", "joystick_events.csv"})
+        EXPECT_EQ(read_file(paused / file), read_file(whole / file)) << file;
+
+    for (const char* step : {"0", "-3", "soon"}) {
+        const auto refused = train_sac(small(folder.path() / "new", {"--until", step}));
+        EXPECT_EQ(refused.code, 2);
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("--until must be an agent step from 1, not '"));
+    }
+}
+
 TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(), {"env.game=breakout", "--seed", "5"})).code, 0);

@@ -1,0 +1,207 @@
+#include "sweep/search.h"
+
+#include <algorithm>
+#include <ranges>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "report/csv.h"
+#include "settings/config.h"
+#include "storage/files.h"
+#include "sweep/config_mismatch.h"
+#include "sweep/run_folder.h"
+
+namespace cale {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::int64_t kFirstShare = 8;   // of the run, before the first halving
+constexpr std::int64_t kWindowShare = 4;  // of the steps so far, behind a score
+enum ExitCode { kDone = 0, kSomeFailed = 1, kInterrupted = 130 };
+
+const std::vector<Setting>& settings_of(const Search& search, std::int64_t sample) {
+    return search.sweep.samples[static_cast<std::size_t>(sample) - 1];
+}
+
+std::int64_t common_length(const Search& search) {
+    const auto steps = search.runs.front().total_steps;
+    for (const auto& planned : search.runs) {
+        if (planned.total_steps == steps) continue;
+        throw ConfigError(
+            fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} and {}: "
+                        "set it below 'set:'",
+                        search.sweep.name, steps, planned.total_steps));
+    }
+    return steps;
+}
+
+std::vector<SampleScore> compared(const Search& search, std::span<const PlannedRun> runs,
+                                  std::int64_t steps) {
+    std::map<std::int64_t, SampleScore> samples;
+    for (const auto& planned : runs) {
+        const auto& run = planned.run;
+        auto& sample = samples[run.sample];
+        sample.sample = run.sample;
+        sample.steps = steps;
+        const auto folder = search.folder / run.name;
+        const bool arrived = newest_checkpoint(folder).value_or(0) >= steps;  // it may have failed
+        sample.scores[run.combination] = arrived ? score_at(folder, steps) : std::nullopt;
+    }
+    std::vector<SampleScore> result;
+    for (auto& [number, sample] : samples) result.push_back(std::move(sample));
+    rank(result);
+    return result;
+}
+
+// ---- what is left -------------------------------------------------------------------
+
+void print(const Search& search, std::span<const SampleScore> samples, std::size_t go_on, std::FILE* out) {
+    const auto steps = samples.front().steps;
+    if (go_on > 0) {
+        fmt::print(out, "Agent step {}: the better {} of {} samples go on.\n", steps, go_on, samples.size());
+    } else {
+        fmt::print(out, "Agent step {}, the end:\n", steps);
+    }
+    fmt::print(out, "{:>7}  {:>6}", "rank", "sample");
+    for (const auto& setting : search.sweep.samples.front()) fmt::print(out, "  {}", setting.key);
+    fmt::print(out, "\n");
+    for (const auto& [sample, at, rank, scores] : samples) {
+        fmt::print(out, "{:>7.2f}  {:>6}", rank, sample);
+        for (const auto& [key, value] : settings_of(search, sample))
+            fmt::print(out, "  {:>{}}", value, key.size());
+        fmt::print(out, "\n");
+    }
+}
+
+/// The newest comparison of each sample, the longest first.
+void write_table(const Search& search, std::span<const SampleScore> samples) {
+    std::vector<std::string> columns = {"sample", "steps", "rank"};
+    for (const auto& setting : search.sweep.samples.front()) columns.push_back(setting.key);
+    for (const auto& [combination, score] : samples.front().scores) columns.push_back(combination);
+    auto text = csv_line(columns);
+    for (const auto& [sample, steps, rank, scores] : samples) {
+        std::vector<std::string> cells = {fmt::to_string(sample), fmt::to_string(steps),
+                                          fmt::format("{:.3f}", rank)};
+        for (const auto& setting : settings_of(search, sample)) cells.push_back(setting.value);
+        for (const auto& [combination, score] : scores)
+            cells.push_back(score ? fmt::format("{:.2f}", *score) : std::string());
+        text += csv_line(cells);
+    }
+    write_file_atomically(search.folder / "search.csv", text);
+}
+
+/// As YAML for --config, on top of the file that all runs have, if it is one.
+void write_best(const Search& search, const SampleScore& best, std::size_t compared) {
+    std::set<fs::path> configs;
+    for (const auto& planned : search.runs) configs.insert(planned.run.config);
+    auto text =
+        fmt::format("# Sample {} of {} of {}, at agent step {}: mean rank {:.2f} among {}.\n", best.sample,
+                    search.sweep.samples.size(), search.sweep.name, best.steps, best.rank, compared);
+    if (configs.size() == 1 && !configs.begin()->empty())
+        text += fmt::format("extends: {}\n", configs.begin()->string());
+    std::map<std::string, std::string> sections;
+    for (const auto& [key, value] : settings_of(search, best.sample)) {
+        const auto dot = key.find('.');
+        sections[key.substr(0, dot)] += fmt::format("  {}: {}\n", key.substr(dot + 1), value);
+    }
+    for (const auto& [section, lines] : sections) text += fmt::format("{}:\n{}", section, lines);
+    write_file_atomically(search.folder / "search_best.yaml", text);
+}
+
+}  // namespace
+
+std::vector<std::int64_t> rungs(SearchMethod method, const SearchSpace& space, std::int64_t total_steps) {
+    std::vector<std::int64_t> steps;
+    if (method == SearchMethod::halving) {
+        auto next = space.first_steps.value_or(std::max<std::int64_t>(1, total_steps / kFirstShare));
+        for (; next < total_steps; next *= 2) steps.push_back(next);
+    }
+    steps.push_back(total_steps);
+    return steps;
+}
+
+std::optional<double> score_at(const fs::path& folder, std::int64_t steps) {
+    const auto file = folder / "episodes.csv";
+    if (!fs::exists(file)) return std::nullopt;
+    const auto table = read_csv(file);
+    const auto step = table.find("global_step"), episode_return = table.find("r");
+    if (!step || !episode_return) return std::nullopt;
+    std::optional<double> last;
+    double sum = 0;
+    int games = 0;
+    for (std::size_t row = 0; row < table.rows.size(); ++row) {
+        const auto ended = table.number(row, *step);
+        if (ended > static_cast<double>(steps)) break;
+        last = table.score(row, *episode_return);
+        if (ended <= static_cast<double>(steps - steps / kWindowShare)) continue;
+        sum += *last;
+        ++games;
+    }
+    return games > 0 ? sum / games : last;
+}
+
+void rank(std::vector<SampleScore>& samples) {
+    const auto beats = [](const std::optional<double>& a, const std::optional<double>& b) {
+        return a && (!b || *a > *b);
+    };
+    for (auto& sample : samples) {
+        sample.rank = 0;
+        for (const auto& [combination, score] : sample.scores) {
+            // Half a place for each of those with an equal score, of which the sample itself is one.
+            double place = 0.5;
+            for (const auto& other : samples) {
+                const auto& theirs = other.scores.at(combination);
+                place += beats(theirs, score) ? 1 : beats(score, theirs) ? 0 : 0.5;
+            }
+            sample.rank += place / static_cast<double>(sample.scores.size());
+        }
+    }
+    std::ranges::stable_sort(samples, {},
+                             [](const auto& sample) { return std::pair(sample.rank, sample.sample); });
+}
+
+std::vector<PlannedRun> paused_at(std::span<const PlannedRun> runs, std::int64_t steps) {
+    std::vector<PlannedRun> paused(runs.begin(), runs.end());
+    for (auto& planned : paused) {
+        if (steps >= planned.total_steps) continue;
+        planned.until = planned.total_steps = steps;
+        planned.evaluates = false;
+    }
+    return paused;
+}
+
+int run_search(const Search& search, std::FILE* out) {
+    std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
+    std::vector<SampleScore> dropped;
+    int exit_code = kDone;
+    for (const auto steps : rungs(search.method, *search.sweep.search, common_length(search))) {
+        const auto runs = paused_at(left, steps);
+        const int code = search.train(runs);
+        if (code == kInterrupted) return code;
+        exit_code = std::max(exit_code, code);
+        if (std::ranges::any_of(runs, [&](const PlannedRun& planned) {
+                return !config_mismatch(planned, search.folder / planned.run.name).empty();
+            }))
+            return kSomeFailed;
+
+        auto samples = compared(search, runs, steps);
+        const bool last = steps == search.runs.front().total_steps;
+        const auto go_on = last ? 0 : (samples.size() + 1) / 2;
+        print(search, samples, go_on, out);
+        std::set<std::int64_t> kept;
+        for (const auto& sample : samples | std::views::take(go_on)) kept.insert(sample.sample);
+        std::erase_if(left, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
+        const auto compared_last = samples.size();
+        samples.insert(samples.end(), dropped.begin(), dropped.end());
+        write_table(search, samples);
+        if (last) write_best(search, samples.front(), compared_last);
+        dropped.assign(samples.begin() + static_cast<std::ptrdiff_t>(go_on), samples.end());
+    }
+    return exit_code;
+}
+
+}  // namespace cale

@@ -1,0 +1,270 @@
+// Searches: what is drawn, which samples go on, and what is left behind.
+#include "sweep/search.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "cale/text.h"
+#include "settings/config.h"
+#include "storage/files.h"
+#include "support/temporary_folder.h"
+#include "sweep/run_folder.h"
+
+namespace cale {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::DoubleNear;
+using testing::Each;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Optional;
+
+SearchSpace space_of(std::int64_t samples, std::vector<SearchedSetting> settings, std::uint64_t seed = 1) {
+    return {.samples = samples, .seed = seed, .settings = std::move(settings)};
+}
+
+TEST(SearchSpace, ReadsRanges) {
+    const auto whole = number_range("1..10");
+    ASSERT_TRUE(whole);
+    EXPECT_TRUE(whole->whole);
+    EXPECT_FALSE(whole->logarithmic);
+    EXPECT_EQ(whole->high, 10);
+    const auto steps = number_range("log 1_000..20_000");
+    ASSERT_TRUE(steps);
+    EXPECT_TRUE(steps->whole && steps->logarithmic);
+    EXPECT_EQ(steps->high, 20'000);
+    const auto rate = number_range("log 1e-5..0.001");
+    ASSERT_TRUE(rate);
+    EXPECT_FALSE(rate->whole);
+    EXPECT_EQ(rate->low, 1e-5);
+    for (const char* text : {"0.5", "a..b", "log 5", "phi_sac", ""}) EXPECT_FALSE(number_range(text)) << text;
+    EXPECT_THAT(test::error_of<ConfigError>([] { number_range("3..1"); }),
+                HasSubstr("the range 3..1 is empty"));
+    EXPECT_THAT(test::error_of<ConfigError>([] { number_range("log 0..1"); }), HasSubstr("above 0"));
+}
+
+TEST(SearchSpace, DrawsEvenly) {
+    const auto samples =
+        draw_samples(space_of(2000, {{"a.even", NumberRange{.low = 2, .high = 4}},
+                                     {"a.log", NumberRange{.low = 1e-4, .high = 1, .logarithmic = true}},
+                                     {"a.choice", Choices{"x", "y", "z"}},
+                                     {"a.whole", NumberRange{.low = 1, .high = 4, .whole = true}}}));
+    ASSERT_EQ(samples.size(), 2000U);
+    double even = 0, logarithm = 0;
+    std::map<std::string, int> choices, integers;
+    for (const auto& sample : samples) {
+        ASSERT_EQ(sample[0].key, "a.even");
+        even += *number_in<double>(sample[0].value);
+        const auto value = *number_in<double>(sample[1].value);
+        ASSERT_TRUE(value >= 1e-4 && value <= 1);
+        logarithm += std::log10(value);
+        ++choices[sample[2].value];
+        ++integers[sample[3].value];
+    }
+    // Means of 2,000: 3 with a standard error of 0.013, and -2 with one of 0.026.
+    EXPECT_NEAR(even / 2000, 3, 0.06);
+    EXPECT_NEAR(logarithm / 2000, -2, 0.12);
+    ASSERT_EQ(choices.size(), 3U);
+    for (const auto& [choice, count] : choices) EXPECT_NEAR(count, 667, 100) << choice;
+    ASSERT_EQ(integers.size(), 4U);
+    for (const auto& [integer, count] : integers) EXPECT_NEAR(count, 500, 90) << integer;
+}
+
+TEST(SearchSpace, MoreSamplesOrSettingsChangeNoneOfThoseBefore) {
+    const SearchedSetting rate{"agent.rate", NumberRange{.low = 1e-5, .high = 1e-2, .logarithmic = true}};
+    const auto few = draw_samples(space_of(4, {rate}));
+    const auto many =
+        draw_samples(space_of(8, {rate, {"agent.size", NumberRange{.low = 1, .high = 9, .whole = true}}}));
+    for (std::size_t i = 0; i < few.size(); ++i) EXPECT_EQ(few[i][0], many[i][0]);
+    EXPECT_NE(draw_samples(space_of(4, {rate}, 2)), few) << "another seed";
+}
+
+TEST(SearchSpace, RepeatsNoSample) {
+    const auto samples = draw_samples(space_of(4, {{"a.b", Choices{"1", "2", "3", "4"}}}));
+    EXPECT_EQ(std::set(samples.begin(), samples.end(),
+                       [](const auto& a, const auto& b) { return a[0].value < b[0].value; })
+                  .size(),
+              4U);
+    EXPECT_THAT(test::error_of<ConfigError>([] {
+                    draw_samples(space_of(5, {{"a.b", Choices{"1", "2", "3", "4"}}}));
+                }),
+                HasSubstr("no more than 4 different samples were found, of 5"));
+}
+
+TEST(Search, HalvingComparesTwiceAsLateEachTime) {
+    SearchSpace space;
+    EXPECT_THAT(rungs(SearchMethod::random, space, 1000), ElementsAre(1000));
+    EXPECT_THAT(rungs(SearchMethod::halving, space, 1000), ElementsAre(125, 250, 500, 1000));
+    space.first_steps = 300;
+    EXPECT_THAT(rungs(SearchMethod::halving, space, 1000), ElementsAre(300, 600, 1000));
+    space.first_steps = 1000;
+    EXPECT_THAT(rungs(SearchMethod::halving, space, 1000), ElementsAre(1000));
+}
+
+TEST(Search, AScoreIsOfTheNewestQuarterOfTheSteps) {
+    const test::TemporaryFolder run;
+    EXPECT_EQ(score_at(run.path(), 400), std::nullopt);
+    run.write("episodes.csv",
+              "#{}\nr,l,t,global_step\n1,9,0,100\n2,9,0,300\n4,9,0,301\n8,9,0,400\n100,9,0,401\n");
+    EXPECT_THAT(score_at(run.path(), 400), Optional(6.0));
+    EXPECT_THAT(score_at(run.path(), 300), Optional(2.0));
+    EXPECT_THAT(score_at(run.path(), 250), Optional(1.0)) << "none ended there: the last one before";
+    EXPECT_EQ(score_at(run.path(), 99), std::nullopt);
+}
+
+TEST(Search, SamplesAreRankedInEachCombination) {
+    std::vector<SampleScore> samples = {
+        {.sample = 1, .scores = {{"pong", -20.0}, {"krull", 900.0}}},
+        {.sample = 2, .scores = {{"pong", -20.0}, {"krull", 3000.0}}},
+        {.sample = 3, .scores = {{"pong", 5.0}, {"krull", std::nullopt}}},
+        {.sample = 4, .scores = {{"pong", std::nullopt}, {"krull", std::nullopt}}},
+    };
+    rank(samples);
+    std::vector<std::int64_t> order;
+    std::vector<double> ranks;
+    for (const auto& sample : samples) {
+        order.push_back(sample.sample);
+        ranks.push_back(sample.rank);
+    }
+    // Pong: 2.5, 2.5, 1, 4. Krull: 2, 1, 3.5, 3.5.
+    EXPECT_THAT(order, ElementsAre(2, 1, 3, 4));
+    EXPECT_THAT(ranks, ElementsAre(1.75, 2.25, 2.25, 3.75));
+}
+
+/// A search whose runs have the returns that `returns` says, by sample, where they are trained.
+class HalvingSearch : public testing::Test {
+  protected:
+    HalvingSearch() {
+        sweep_.name = "mine";
+        sweep_.search = space_of(5, {{"agent.rate", NumberRange{.low = 1, .high = 2}}});
+        sweep_.samples = draw_samples(*sweep_.search);
+        for (std::int64_t sample = 1; sample <= 5; ++sample) {
+            for (const std::string game : {"Pong", "Krull"}) {
+                const SweepRun run{.name = fmt::format("{}__fake__sample={}__1", game, sample),
+                                   .agent = "fake",
+                                   .config = "/a/base.yaml",
+                                   .game = game,
+                                   .settings = sweep_.samples[static_cast<std::size_t>(sample) - 1],
+                                   .sample = sample,
+                                   .combination = game + "__fake__1"};
+                runs_.push_back({.run = run, .program = {}, .total_steps = 400});
+            }
+        }
+    }
+
+    int search(SearchMethod method = SearchMethod::halving) {
+        trained_.clear();
+        const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(std::fopen((folder_ / "said").c_str(), "w"),
+                                                                  &std::fclose);
+        return run_search({.sweep = sweep_,
+                           .runs = runs_,
+                           .method = method,
+                           .folder = folder_.path(),
+                           .train = [&](std::span<const PlannedRun> runs) { return train(runs); }},
+                          out.get());
+    }
+
+    int train(std::span<const PlannedRun> runs) {
+        if (std::ssize(trained_) == stops_before_) return 130;
+        std::set<std::int64_t> samples;
+        for (const auto& planned : runs) {
+            const auto name = planned.run.name;
+            samples.insert(planned.run.sample);
+            EXPECT_EQ(planned.until, planned.total_steps < 400 ? planned.total_steps : 0);
+            EXPECT_EQ(planned.evaluates, planned.total_steps == 400);
+            if (planned.run.sample == fails_) continue;
+            std::string episodes = "#{}\nr,global_step\n";
+            for (int step = 25; step <= planned.total_steps; step += 25)
+                episodes += fmt::format("{},{}\n", planned.run.sample * (step > 100 ? 10 : -10), step);
+            folder_.write(name + "/episodes.csv", episodes);
+            fs::create_directories(folder_ / name /
+                                   fmt::format("checkpoints/step_{:09}", planned.total_steps));
+            folder_.write(name + "/config.yaml", "");
+        }
+        trained_.push_back(fmt::format("{}: {}", runs.front().total_steps, fmt::join(samples, " ")));
+        return fails_ > 0 ? 1 : 0;
+    }
+
+    test::TemporaryFolder folder_;
+    Sweep sweep_;
+    std::vector<PlannedRun> runs_;
+    std::vector<std::string> trained_;
+    std::ptrdiff_t stops_before_ = -1;
+    std::int64_t fails_ = 0;
+};
+
+TEST_F(HalvingSearch, TheBetterHalfGoesOn) {
+    sweep_.search->first_steps = 100;
+    EXPECT_EQ(search(), 0);
+    // At 100 steps the small numbers are ahead, from then on the large ones.
+    EXPECT_THAT(trained_, ElementsAre("100: 1 2 3 4 5", "200: 1 2 3", "400: 2 3"));
+    const auto said = folder_.read("said");
+    EXPECT_THAT(said, HasSubstr("Agent step 100: the better 3 of 5 samples go on.\n"));
+    EXPECT_THAT(said, HasSubstr("Agent step 400, the end:\n"));
+
+    const auto value = [&](std::size_t sample) { return sweep_.samples[sample - 1][0].value; };
+    EXPECT_EQ(folder_.read("search.csv"),
+              fmt::format("sample,steps,rank,agent.rate,Krull__fake__1,Pong__fake__1\n"
+                          "3,400,1.000,{},30.00,30.00\n"
+                          "2,400,2.000,{},20.00,20.00\n"
+                          "1,200,3.000,{},10.00,10.00\n"
+                          "4,100,4.000,{},-40.00,-40.00\n"
+                          "5,100,5.000,{},-50.00,-50.00\n",
+                          value(3), value(2), value(1), value(4), value(5)));
+    EXPECT_EQ(folder_.read("search_best.yaml"),
+              fmt::format("# Sample 3 of 5 of mine, at agent step 400: mean rank 1.00 among 2.\n"
+                          "extends: /a/base.yaml\n"
+                          "agent:\n"
+                          "  rate: {}\n",
+                          value(3)));
+}
+
+TEST_F(HalvingSearch, GoesOnAfterAnInterruptionWithTheSameResult) {
+    sweep_.search->first_steps = 100;
+    ASSERT_EQ(search(), 0);
+    const auto table = folder_.read("search.csv"), best = folder_.read("search_best.yaml");
+    fs::remove(folder_ / "search_best.yaml");
+    stops_before_ = 2;
+    EXPECT_EQ(search(), 130);
+    EXPECT_FALSE(fs::exists(folder_ / "search_best.yaml"));
+    stops_before_ = -1;
+    EXPECT_EQ(search(), 0);
+    EXPECT_EQ(folder_.read("search.csv"), table);
+    EXPECT_EQ(folder_.read("search_best.yaml"), best);
+}
+
+TEST_F(HalvingSearch, AllSamplesOfARandomSearchAreTrainedToTheEnd) {
+    EXPECT_EQ(search(SearchMethod::random), 0);
+    EXPECT_THAT(trained_, ElementsAre("400: 1 2 3 4 5"));
+    EXPECT_THAT(folder_.read("search.csv"), HasSubstr("\n5,400,1.000,"));
+    EXPECT_THAT(folder_.read("search_best.yaml"),
+                HasSubstr("Sample 5 of 5 of mine, at agent step 400: mean rank 1.00 among 5"));
+}
+
+TEST_F(HalvingSearch, ARunThatFailedIsTheWorst) {
+    fails_ = 1;
+    EXPECT_EQ(search(), 1);
+    EXPECT_THAT(trained_, ElementsAre("50: 1 2 3 4 5", "100: 2 3 4", "200: 2 3", "400: 3"));
+    EXPECT_THAT(folder_.read("search.csv"),
+                HasSubstr(fmt::format("1,50,5.000,{},,\n", sweep_.samples[0][0].value)));
+}
+
+TEST_F(HalvingSearch, RunsOfDifferentLengthsAreNotCompared) {
+    runs_.back().total_steps = 500;
+    EXPECT_THAT(test::error_of<ConfigError>([&] { search(); }),
+                HasSubstr("a search compares runs of the same length, and train.total_steps is 400 and 500"));
+}
+
+}  // namespace
+}  // namespace cale
