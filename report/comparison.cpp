@@ -8,6 +8,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string_view>
 
@@ -248,6 +249,37 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
 }
 
+bool is_recorded(const Group& group) {
+    return !group.runs.front().recorded_as.empty();
+}
+
+/// Recorded groups that lack a game which all others have: they are beside those, and must not take games
+/// from the comparison.
+void leave_out_recorded(Comparison& comparison) {
+    std::map<std::string_view, std::size_t> groups_with;
+    std::size_t own = 0;
+    for (const auto& group : comparison.groups) {
+        if (is_recorded(group)) continue;
+        ++own;
+        std::set<std::string_view> games;
+        for (const auto& run : group.runs) games.insert(run.game->name);
+        for (const auto game : games) ++groups_with[game];
+    }
+    std::erase_if(comparison.groups, [&](const Group& group) {
+        if (own == 0 || !is_recorded(group)) return false;
+        std::vector<std::string_view> missing;
+        for (const auto& [game, groups] : groups_with) {
+            if (groups == own &&
+                std::ranges::none_of(group.runs, [&](const Run& run) { return run.game->name == game; }))
+                missing.push_back(game);
+        }
+        if (!missing.empty())
+            comparison.left_out_baselines.push_back(
+                {group.label, fmt::format("it has no run of {}", fmt::join(missing, ", "))});
+        return !missing.empty();
+    });
+}
+
 std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
     std::map<std::string, Baseline> floors;
     const auto add = [&](const std::string& name, const Game& game, double score) {
@@ -389,6 +421,8 @@ Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, cons
     comparison.missing_runs = std::move(found.missing);
     std::ranges::move(missing_runs(found.runs), std::back_inserter(comparison.missing_runs));
     comparison.groups = group_runs(std::move(found.runs), config.group_by);
+    rename_groups(comparison.groups, config.names);
+    leave_out_recorded(comparison);
     for (const auto& group : comparison.groups)
         comparison.results.push_back(result_of(group, config.bootstrap, for_bands));
     choose_games(comparison);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -68,6 +69,7 @@ struct ComparisonConfig {
     ScoreKind score = ScoreKind::training;
     Bootstrap bootstrap{};
     std::vector<std::string> group_by{};
+    std::map<std::string, std::string> names{};  // of groups, by their labels: see rename_groups()
 };
 
 /// Bands of curves and profiles take this many resamples at most, as rliable's do.
@@ -87,9 +89,9 @@ struct Comparison {
     std::vector<LeftOut> left_out_games{};
     std::vector<LeftOut> left_out_runs{};
     std::vector<LeftOut> repeated_runs{};
-    std::vector<LeftOut> left_out_baselines{};
-    std::vector<std::string> missing_runs{};  // that sweeps list, and of the grid that the others are
-    std::vector<Note> notes{};                // with all that is missing or left out
+    std::vector<LeftOut> left_out_baselines{};  // recorded groups among them
+    std::vector<std::string> missing_runs{};    // that sweeps list, and of the grid that the others are
+    std::vector<Note> notes{};                  // with all that is missing or left out
 
     /// Whether every run of the grid exists, is usable and is finished.
     bool is_complete() const;

@@ -22,6 +22,26 @@ std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
     return std::runtime_error(fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, text));
 }
 
+/// The cells of a line as csv_line() writes it, but for line breaks in a cell.
+std::vector<std::string> cells_of(std::string_view line) {
+    if (line.find('"') == line.npos) return split(line, ',');
+    std::vector<std::string> cells(1);
+    bool quoted = false;
+    for (std::size_t i = 0; i < line.size(); ++i) {
+        const bool twice = quoted && line[i] == '"' && i + 1 < line.size() && line[i + 1] == '"';
+        if (twice) {
+            cells.back() += line[i++];
+        } else if (line[i] == '"') {
+            quoted = !quoted;
+        } else if (line[i] == ',' && !quoted) {
+            cells.emplace_back();
+        } else {
+            cells.back() += line[i];
+        }
+    }
+    return cells;
+}
+
 }  // namespace
 
 std::optional<std::size_t> CsvTable::find(std::string_view column) const {
@@ -60,7 +80,7 @@ CsvTable read_csv(const std::filesystem::path& path) {
             table.comment = line.substr(1);
             continue;
         }
-        auto cells = split(line, ',');
+        auto cells = cells_of(line);
         if (table.columns.empty()) {
             table.columns = std::move(cells);
             continue;

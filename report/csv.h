@@ -10,7 +10,7 @@
 
 namespace cale {
 
-/// A file's header and rows. No cell is quoted: no file of a run has such cells.
+/// A file's header and rows. A cell may be quoted, but holds no line break.
 struct CsvTable {
     std::filesystem::path path{};
     std::string comment{};  // the line before the header that starts with '#', without it

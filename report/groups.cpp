@@ -140,7 +140,8 @@ bool all_agree(const SettingRow& row) {
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys) {
     Runs pointers;
     pointers.reserve(runs.size());
-    for (const auto& run : runs) pointers.push_back(&run);
+    for (const auto& run : runs)
+        if (run.recorded_as.empty()) pointers.push_back(&run);
     std::map<const Run*, std::string> labels;
     if (keys.empty()) {
         labels = labels_of_themselves(pointers);
@@ -150,17 +151,36 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
         for (const auto& key : keys) full.push_back(full_key(key, pointers));
         for (const auto* run : pointers) labels[run] = label_of(*run, full);
     }
-    std::map<std::string, Group> groups;
+    std::map<std::pair<std::string, bool>, Group> groups;  // a recorded one may have the label of another
     for (auto& run : runs) {
-        const auto& label = labels.at(&run);
-        auto& group = groups[label];
+        const bool recorded = !run.recorded_as.empty();
+        const auto label = recorded ? run.recorded_as : labels.at(&run);
+        auto& group = groups[{label, recorded}];
         group.label = label;
         group.runs.push_back(std::move(run));
     }
     std::vector<Group> sorted;
     sorted.reserve(groups.size());
-    for (auto& [label, group] : groups) sorted.push_back(std::move(group));
+    for (auto& [identity, group] : groups) sorted.push_back(std::move(group));
     return sorted;
+}
+
+void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names) {
+    std::set<std::string> labels;
+    for (const auto& group : groups) labels.insert(group.label);
+    for (const auto& [label, name] : names) {
+        if (labels.contains(label)) continue;
+        throw std::invalid_argument(fmt::format("--name {}={}: no group is called {}; there are {}", label,
+                                                name, label, fmt::join(labels, "; ")));
+    }
+    std::set<std::string> taken;
+    for (auto& group : groups) {
+        if (const auto name = names.find(group.label); name != names.end()) group.label = name->second;
+        if (!taken.insert(group.label).second)
+            throw std::invalid_argument(
+                fmt::format("--name: two groups would be called {}; give them different names", group.label));
+    }
+    std::ranges::sort(groups, {}, &Group::label);
 }
 
 std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
@@ -168,7 +188,7 @@ std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
     std::set<std::string_view> games;
     std::set<std::uint64_t> seeds;
     for (const auto& run : runs) {
-        if (run.in_sweep_list) continue;
+        if (run.in_sweep_list || !run.recorded_as.empty()) continue;
         identities.push_back(
             {.agent = run.agent, .game = run.game, .seed = run.seed, .settings = run.settings});
         games.insert(run.game->name);

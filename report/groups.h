@@ -1,6 +1,7 @@
 // Groups of runs with the same settings.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -16,10 +17,15 @@ struct Group {
 
 /// Without `keys`: runs of the same agent with the same settings are a group, and its label is the agent
 /// with the settings that tell it from the agent's other groups; where more than three are needed, a
-/// number, and differing_settings() tells more. With `keys` ("agent", "agent.encoder", or "encoder"
-/// for short): runs that agree in these are a group, whatever else differs.
-/// Throws std::invalid_argument for a key that no run has, naming those in which the runs differ.
+/// number, and differing_settings() tells more. Recorded runs keep the name of their group. With `keys`
+/// ("agent", "agent.encoder", or "encoder" for short): runs that agree in these are a group, whatever else
+/// differs. Throws std::invalid_argument for a key that no run has, naming those in which the runs differ.
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
+
+/// Gives groups the names to which `names` maps their labels, and sorts them anew. Throws
+/// std::invalid_argument for a label that no group has, naming those that there are, and for a name that two
+/// groups would have.
+void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names);
 
 /// The runs without which not every group has been trained on every game with every seed that any of them
 /// has: "sac on Pong, seed 3". Groups are those that group_runs() makes without keys. Runs that are in the

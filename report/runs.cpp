@@ -146,14 +146,6 @@ struct EnvReader {
     }
 };
 
-std::optional<EnvConfig> read_env(const std::map<std::string, std::string>& settings) {
-    if (!settings.contains("env.action_space")) return std::nullopt;
-    EnvConfig env;
-    EnvReader reader{settings};
-    fields(env, reader);
-    return reader.readable ? std::optional(env) : std::nullopt;
-}
-
 /// 0 where it is not set. May be written as 50_000_000.
 double number_of(const std::map<std::string, std::string>& settings, const char* key) {
     const auto found = settings.find(key);
@@ -420,7 +412,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     const auto episodes = read_episodes(folder / "episodes.csv");
     if (fs::exists(folder / "config.yaml")) run.settings = read_settings(folder / "config.yaml");
     read_identity(run, episodes);
-    run.env = read_env(run.settings);
+    run.env = env_of(run.settings);
     if (run.env) run.env->game = run.game->name;
     run.total_steps = number_of(run.settings, "train.total_steps");
     auto progress = progress_of(folder);
@@ -527,6 +519,14 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 }
 
 }  // namespace
+
+std::optional<EnvConfig> env_of(const std::map<std::string, std::string>& settings) {
+    if (!settings.contains("env.action_space")) return std::nullopt;
+    EnvConfig env;
+    EnvReader reader{settings};
+    fields(env, reader);
+    return reader.readable ? std::optional(env) : std::nullopt;
+}
 
 FoundRuns find_runs(const std::vector<fs::path>& paths, ScoreKind kind) {
     Search result;

@@ -36,7 +36,8 @@ struct ZoneRow {
 
 struct Run {
     std::filesystem::path folder{};
-    std::string agent{};  // "sac"
+    std::string agent{};        // "sac"
+    std::string recorded_as{};  // its group, of a run in a table (recorded_runs.h); empty: it has a folder
     const Game* game = nullptr;
     std::uint64_t seed = 0;
     std::optional<EnvConfig> env{};  // its rules; none where its config.yaml does not name them
@@ -77,6 +78,10 @@ struct FoundRuns {
     std::vector<LeftOut> repeated{};     // runs of which a longer one is there
     std::vector<std::string> missing{};  // folders that a sweep lists (kSweepList) and that hold no run
 };
+
+/// Returns the rules that settings such as "env.action_space" name; none where they do not, or cannot be
+/// read.
+std::optional<EnvConfig> env_of(const std::map<std::string, std::string>& settings);
 
 /// The runs that are these folders or lie below them: folders with an episodes.csv beside a
 /// config.yaml or metadata.json. Symbolic links are followed, and a run to which several ways lead counts

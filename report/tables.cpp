@@ -12,6 +12,7 @@
 #include "cale/action.h"
 #include "cale/text.h"
 #include "report/csv.h"
+#include "report/recorded_runs.h"
 
 namespace cale {
 namespace {
@@ -434,6 +435,8 @@ std::string to_latex(const Table& table) {
 std::vector<TextFile> csv_files(const Comparison& comparison) {
     std::vector<TextFile> files;
     add_scores(comparison, files);
+    if (auto recorded = recorded_runs_csv(comparison); !recorded.empty())
+        files.push_back({"run_curves.csv", std::move(recorded)});
     files.push_back({"setup.csv", to_csv(setup_table(comparison))});
     files.push_back({"settings.csv", to_csv(settings_by_group(comparison, all_settings(comparison.groups)))});
     add_aggregates(comparison, files);

@@ -1,8 +1,10 @@
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -10,8 +12,11 @@
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cale/text.h"
+#include "report/csv.h"
+#include "report/recorded_runs.h"
 #include "report/report.h"
 #include "report/tables.h"
 #include "settings/versions.h"
@@ -23,11 +28,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Where scripts/install put it beside the program, else in the source tree that the program was built from.
-fs::path baselines_file() {
-    const fs::path installed = fs::read_symlink("/proc/self/exe").parent_path().parent_path() /
-                               "share/cale/data/reference_scores.csv";
-    return fs::exists(installed) ? installed : fs::path(CALE_DATA_DIR) / "reference_scores.csv";
+/// A table that comes with cale: where scripts/install put it beside the program, else in the source tree
+/// that the program was built from.
+fs::path data_file(const char* name) {
+    const fs::path installed =
+        fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "share/cale/data" / name;
+    return fs::exists(installed) ? installed : fs::path(CALE_DATA_DIR) / name;
 }
 
 /// As it can be typed again.
@@ -58,12 +64,69 @@ struct Options {
     std::string score = "training";
     bool strict = false;
     bool web = false;
+    std::vector<std::string> names{};
     ComparisonConfig config{};
 };
+
+/// What is drawn beside the runs.
+struct Beside {
+    std::vector<Baseline> baselines{};
+    std::vector<Run> recorded{};
+};
+
+bool holds_runs(const fs::path& csv) {
+    return read_csv(csv).find("group").has_value();
+}
+
+/// 'cale' stands for all our own results; another name is one of their groups, or a column of published
+/// scores.
+Beside read_beside(const Options& options) {
+    const auto own =
+        options.baselines_csv.empty() ? data_file("cale_scores.csv") : fs::path(options.baselines_csv);
+    Beside beside;
+    if (options.baselines.empty()) return beside;
+    const auto groups = holds_runs(own) ? recorded_groups(own) : std::vector<std::string>();
+    std::vector<std::string> recorded, published;
+    for (const auto& name : options.baselines) {
+        if (options.baselines_csv.empty() && name == "cale") {
+            recorded = groups;
+        } else if (std::ranges::find(groups, name) != groups.end()) {
+            recorded.push_back(name);
+        } else if (!groups.empty() && !options.baselines_csv.empty()) {
+            throw std::invalid_argument(fmt::format("--baselines {}: {} has no such group; there are {}",
+                                                    name, own.string(), fmt::join(groups, "; ")));
+        } else {
+            published.push_back(name);
+        }
+    }
+    if (!recorded.empty() && options.score != "training")
+        throw std::invalid_argument(
+            "--baselines: recorded runs have scores of their training: leave --score "
+            "evaluation out, or them");
+    beside.recorded = read_recorded_runs(own, recorded);
+    beside.baselines =
+        read_baselines(options.baselines_csv.empty() ? data_file("reference_scores.csv") : own, published);
+    return beside;
+}
+
+/// "sac=SAC", the label of a group and the name that it is to have.
+std::map<std::string, std::string> names_of_groups(const std::vector<std::string>& texts) {
+    std::map<std::string, std::string> names;
+    for (const auto& text : texts) {
+        // A label may hold '=' itself: "threshold=0.5".
+        const auto equals = text.rfind('=');
+        if (equals == text.npos || equals == 0 || equals + 1 == text.size())
+            throw std::invalid_argument(
+                fmt::format("--name {}: expected LABEL=NAME, such as 'sac, phi_dqn=SAC'", text));
+        names[text.substr(0, equals)] = text.substr(equals + 1);
+    }
+    return names;
+}
 
 /// reports/encoders for runs/encoders and runs/encoders/.
 fs::path output_folder(const Options& options) {
     if (!options.output.empty()) return options.output;
+    if (options.runs.empty()) return "reports/cale";
     fs::path first = fs::absolute(options.runs.front()).lexically_normal();
     if (!first.has_filename()) first = first.parent_path();  // a slash at the end
     return fs::path("reports") / first.filename();
@@ -71,11 +134,14 @@ fs::path output_folder(const Options& options) {
 
 void report(Options options) {
     options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
-    const auto csv = options.baselines_csv.empty() ? baselines_file() : fs::path(options.baselines_csv);
-    const auto baselines =
-        options.baselines.empty() ? std::vector<Baseline>() : read_baselines(csv, options.baselines);
+    options.config.names = names_of_groups(options.names);
+    auto [baselines, recorded] = read_beside(options);
+    if (options.runs.empty() && recorded.empty())
+        throw std::invalid_argument("name folders of runs, or recorded ones: --baselines cale");
     const std::vector<fs::path> paths(options.runs.begin(), options.runs.end());
-    const Comparison comparison = compare(find_runs(paths, options.config.score), baselines, options.config);
+    auto found = find_runs(paths, options.config.score);
+    std::ranges::move(recorded, std::back_inserter(found.runs));
+    const Comparison comparison = compare(std::move(found), baselines, options.config);
     const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
     const PageOrigin origin{.command = command_line(),
                             .version = fmt::format("cale {}", cale_version()),
@@ -108,23 +174,24 @@ void add_report(CLI::App& app) {
     auto& config = options->config;
     command
         .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
-        ->required()
         ->type_name("FOLDER");
     command
         .add_option("-o,--output", options->output,
                     "the folder to write to; else reports/<name of the first of RUNS>")
         ->type_name("FOLDER");
-    auto* baselines =
-        command
-            .add_option(
-                "--baselines", options->baselines,
-                "published scores to draw beside: names of columns of the baselines file, with commas")
-            ->type_name("NAMES")
-            ->delimiter(',')
-            ->allow_extra_args(false);
+    auto* baselines = command
+                          .add_option("--baselines", options->baselines,
+                                      "what to draw beside, with commas: published scores, by their columns "
+                                      "of the baselines file; cale: "
+                                      "the runs of cale's own results, or groups of them by name")
+                          ->type_name("NAMES")
+                          ->delimiter(',')
+                          ->allow_extra_args(false);
     command
-        .add_option("--baselines-file", options->baselines_csv,
-                    "a table of scores by game, instead of the reference_scores.csv that comes with cale")
+        .add_option(
+            "--baselines-file", options->baselines_csv,
+            "a table of scores by game, or of runs (run_curves.csv of a report), instead of those that come "
+            "with cale")
         ->needs(baselines)
         ->type_name("FILE");
     command
@@ -144,6 +211,10 @@ void add_report(CLI::App& app) {
         ->type_name("KEYS")
         ->delimiter(',')
         ->allow_extra_args(false);
+    command.add_option("--name", options->names, "gives a group another name: --name 'sac, phi_dqn=SAC'")
+        ->type_name("LABEL=NAME")
+        ->allow_extra_args(false)
+        ->take_all();
     command.add_flag(
         "--strict", options->strict,
         "exit code 1 where the grid of the sweep is not complete: where a run is missing, cannot be "
@@ -155,6 +226,7 @@ void add_report(CLI::App& app) {
         "Examples:\n"
         "  cale report runs/encoders --web\n"
         "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
+        "  cale report runs/sac --baselines cale\n"
         "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
         "\n"
         "Exit codes: 0 done, 1 failed, or incomplete with --strict, 2 usage.");

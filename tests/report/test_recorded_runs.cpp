@@ -1,0 +1,155 @@
+// Runs as a table: what a report records, and a comparison with it.
+#include "report/recorded_runs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "report/tables.h"
+#include "run_folders.h"
+
+namespace cale {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const ComparisonConfig kQuick{.bootstrap = {.resamples = 100}};
+const std::string kRules =
+    "env: {action_space: continuous, sticky_probability: 0, terminal_on_life_loss: true}\n"
+    "train: {total_steps: 1000}\n";
+
+class Recorded : public testing::Test {
+  protected:
+    Recorded() : folders_("recorded") {
+        std::vector<double> returns;
+        for (int game = 0; game < 10; ++game) returns.push_back(game);
+        folders_.run("runs/a", "sac", "Pong", 1, returns, kRules);
+        folders_.run("runs/b", "sac", "Pong", 2, {4, 5, 6, 7, 8, 9, 9, 9, 9, 3}, kRules);
+        folders_.run("runs/c", "der", "Pong", 1, {1, 1, 1, 1, 1, 1, 1, 1, 1, 1}, kRules);
+    }
+    FoundRuns found() const { return find_runs({folders_.path() / "runs"}, ScoreKind::training); }
+    std::filesystem::path table(ComparisonConfig config = kQuick) const {
+        return folders_.write("run_curves.csv", recorded_runs_csv(compare(found(), {}, config)));
+    }
+    std::string error_of(const std::function<void()>& work) const {
+        try {
+            work();
+        } catch (const std::exception& error) {
+            return error.what();
+        }
+        return "no error";
+    }
+
+    test::RunFolders folders_;
+};
+
+TEST_F(Recorded, HasTheScoreAtEveryTenthOfARunAndItsRules) {
+    const auto text = recorded_runs_csv(compare(found(), {}, kQuick));
+    EXPECT_THAT(text,
+                testing::StartsWith(
+                    "group,agent,game,seed,step,score,env.obs,env.action_space,env.joystick,env.threshold,"
+                    "env.sticky_probability,env.terminal_on_life_loss,env.frame_skip\n"
+                    "der,der,Pong,1,100,1,,continuous,,,0,true,\n"));
+    // An iteration is a tenth of the run: each score is that of the game that ended in it.
+    EXPECT_THAT(text, HasSubstr("\nsac,sac,Pong,1,300,2,,continuous,,,0,true,\n"));
+    EXPECT_THAT(text, HasSubstr("\nsac,sac,Pong,2,1000,3,,continuous,,,0,true,\n"));
+    EXPECT_EQ(std::ranges::count(text, '\n'), 31);
+    auto config = kQuick;
+    config.score = ScoreKind::evaluation;
+    Comparison evaluations;
+    evaluations.config = config;
+    EXPECT_EQ(recorded_runs_csv(evaluations), "");
+}
+
+TEST_F(Recorded, ARunUnderWayIsRecordedAsFarAsItGot) {
+    folders_.run("runs/d", "dqn", "Pong", 1, {1, 2, 3}, "train: {total_steps: 2000}\n");
+    const auto text = recorded_runs_csv(compare(found(), {}, kQuick));
+    EXPECT_THAT(text, HasSubstr("\ndqn,dqn,Pong,1,200,1.5,"));
+    EXPECT_THAT(text, HasSubstr("\ndqn,dqn,Pong,1,300,2.5,"));
+    EXPECT_THAT(text, testing::Not(HasSubstr("dqn,dqn,Pong,1,400")));
+}
+
+TEST_F(Recorded, ComparesAsTheRunsDid) {
+    const auto csv = table();
+    EXPECT_THAT(recorded_groups(csv), ElementsAre("der", "sac"));
+    FoundRuns again;
+    again.runs = read_recorded_runs(csv, {"sac", "der"});
+    const auto here = compare(std::move(again), {}, kQuick), there = compare(found(), {}, kQuick);
+    ASSERT_THAT(labels_of(here), ElementsAre("der", "sac"));
+    for (std::size_t i = 0; i < 2; ++i) {
+        EXPECT_EQ(here.results[i].scores, there.results[i].scores);
+        EXPECT_EQ(here.results[i].aggregates[0].value, there.results[i].aggregates[0].value);
+        EXPECT_EQ(here.results[i].aggregates[0].low, there.results[i].aggregates[0].low);
+    }
+    EXPECT_EQ(here.improvements[0].probability.value, there.improvements[0].probability.value);
+    EXPECT_EQ(recorded_runs_csv(here), recorded_runs_csv(there)) << "it can be recorded again";
+    EXPECT_EQ(here.random_floors.size(), 1U) << "its rules are known";
+    EXPECT_EQ(setup_table(here).rows[1][2], "Atari 100k");
+    EXPECT_TRUE(here.is_complete());
+}
+
+TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {
+    const auto csv = table();
+    const test::RunFolders mine("recorded-mine");
+    mine.run("x", "sac", "Pong", 1, {20}, kRules);
+    const auto beside = [&](const std::vector<std::string>& groups) {
+        auto runs = find_runs({mine.path()}, ScoreKind::training);
+        std::ranges::move(read_recorded_runs(csv, groups), std::back_inserter(runs.runs));
+        auto config = kQuick;
+        config.names = {{"sac", "mine"}};
+        return compare(std::move(runs), {}, config);
+    };
+    const auto comparison = beside({"der"});
+    EXPECT_THAT(labels_of(comparison), ElementsAre("der", "mine"));
+    EXPECT_THAT(comparison.games, testing::SizeIs(1));
+    EXPECT_THAT(comparison.missing_runs, IsEmpty()) << "their seeds are no one else's";
+
+    mine.run("y", "sac", "Boxing", 1, {2}, kRules);
+    const auto without = beside({"der"});
+    EXPECT_THAT(labels_of(without), ElementsAre("mine"));
+    EXPECT_THAT(without.games, testing::SizeIs(2));
+    ASSERT_THAT(without.left_out_baselines, testing::SizeIs(1));
+    EXPECT_EQ(without.left_out_baselines[0].why, "it has no run of Boxing");
+}
+
+TEST_F(Recorded, GroupsCanBeGivenNames) {
+    auto config = kQuick;
+    config.names = {{"sac", "Soft, Actor \"Critic\""}};
+    const auto csv = table(config);
+    EXPECT_THAT(recorded_groups(csv), ElementsAre("Soft, Actor \"Critic\"", "der"));
+    EXPECT_EQ(read_recorded_runs(csv, {"Soft, Actor \"Critic\""}).size(), 2U);
+    config.names = {{"ppo", "PPO"}};
+    EXPECT_THAT(error_of([&] { compare(found(), {}, config); }),
+                HasSubstr("--name ppo=PPO: no group is called ppo; there are der; sac"));
+    config.names = {{"sac", "der"}};
+    EXPECT_THAT(error_of([&] { compare(found(), {}, config); }), HasSubstr("two groups would be called der"));
+}
+
+TEST_F(Recorded, SaysWhatIsWrongWithATable) {
+    const auto read = [&](const std::string& text) {
+        const auto csv = folders_.write("bad.csv", text);
+        return error_of([&] { read_recorded_runs(csv, {"a"}); });
+    };
+    const std::string header = "group,agent,game,seed,step,score\n";
+    EXPECT_THAT(read("game,random\n"),
+                HasSubstr("has no column 'group', so it is no table of recorded runs"));
+    EXPECT_THAT(read(header + "a,sac,Pong,x,1,2\n"), HasSubstr("bad.csv:2: the seed 'x' is no number"));
+    EXPECT_THAT(read(header + "a,sac,Pong,1,20,2\na,sac,Pong,1,10,2\n"),
+                HasSubstr("bad.csv:3: the steps of a run"));
+    EXPECT_THAT(read(header + "a,sac,Pnog,1,20,2\n"), HasSubstr("there is no game 'Pnog'"));
+    EXPECT_THAT(read(header + "a,sac,Pong,1,20"), HasSubstr("in the middle of line 2"));
+}
+
+}  // namespace
+}  // namespace cale
