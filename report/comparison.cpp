@@ -21,12 +21,6 @@ constexpr std::size_t kCurvePoints = 51;
 constexpr std::size_t kThresholds = 101;
 constexpr std::size_t kFewRuns = 5;
 
-/// What run->score() was after that many agent steps; none before the first game had ended.
-double score_at(const Run& run, double step) {
-    const auto next = std::upper_bound(run.steps.begin(), run.steps.end(), step);
-    return run.scores[static_cast<std::size_t>(next - run.steps.begin()) - 1];
-}
-
 /// Steps at which all runs have a score: their own where they agree, else from where the last of
 /// them has its first to where the first of them ends.
 std::vector<double> common_steps(const std::vector<const Run*>& runs) {
@@ -110,7 +104,7 @@ GameResult result_on(const Game& game, std::vector<const Run*> runs, const Boots
     result.curve.steps = common_steps(runs);
     for (const double step : result.curve.steps) {
         result.curve.values.push_back(
-            mean_of_runs(at([&](const Run& run) { return score_at(run, step); }), for_bands));
+            mean_of_runs(at([&](const Run& run) { return score_at(run, step).value(); }), for_bands));
     }
     result.event_shares = mean_event_shares(runs);
     result.reward_quantiles = mean_reward_quantiles(runs);
@@ -168,7 +162,8 @@ Scores normalised_at(const GroupResult& result, std::optional<double> step) {
     for (const auto& game : result.games) {
         auto& of_game = scores.emplace_back();
         for (const auto* run : game.runs)
-            of_game.push_back(human_normalised(step ? score_at(*run, *step) : run->score(), *game.game));
+            of_game.push_back(
+                human_normalised(step ? score_at(*run, *step).value() : run->score(), *game.game));
     }
     return scores;
 }
@@ -302,15 +297,6 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
     return sorted;
 }
 
-void check_runs(const FoundRuns& found) {
-    if (!found.runs.empty()) return;
-    if (found.left_out.empty())
-        throw std::runtime_error(
-            "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    throw std::runtime_error(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
-                                         found.left_out.front().what, found.left_out.front().why));
-}
-
 /// "2", "2 to 5"
 std::string range_text(std::size_t least, std::size_t most) {
     return least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most);
@@ -372,7 +358,7 @@ std::vector<Note> notes_on(const Comparison& comparison) {
     if (!comparison.left_out_games.empty())
         notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
     if (!comparison.left_out_baselines.empty())
-        notes.push_back({"Published scores that are left out:", sentences(comparison.left_out_baselines)});
+        notes.push_back({"What is left out beside the runs:", sentences(comparison.left_out_baselines)});
     if (!single.empty())
         notes.push_back({fmt::format(
             "Games with a single run, about whose spread nothing is known, so that there is no interval: {}.",
@@ -389,6 +375,15 @@ std::vector<Note> notes_on(const Comparison& comparison) {
 }
 
 }  // namespace
+
+void require_runs(const FoundRuns& found) {
+    if (!found.runs.empty()) return;
+    if (found.left_out.empty())
+        throw std::runtime_error(
+            "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
+    throw std::runtime_error(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
+                                         found.left_out.front().what, found.left_out.front().why));
+}
 
 bool Comparison::is_complete() const {
     const auto finished = [](const Group& group) {
@@ -410,7 +405,7 @@ std::vector<std::string> labels_of(const Comparison& comparison) {
 }
 
 Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, const ComparisonConfig& config) {
-    check_runs(found);
+    require_runs(found);
     auto for_bands = config.bootstrap;
     for_bands.resamples = std::min(for_bands.resamples, kBandResamples);
 

@@ -110,6 +110,9 @@ bool has_intervals(const Comparison& comparison);
 /// The groups' labels, in order.
 std::vector<std::string> labels_of(const Comparison& comparison);
 
+/// Throws std::runtime_error where there is no run that can be used, with the reason.
+void require_runs(const FoundRuns& found);
+
 /// Throws std::runtime_error where there is no run to report on, and what group_runs() throws.
 Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines = {},
                    const ComparisonConfig& config = {});

@@ -173,12 +173,19 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
         throw std::invalid_argument(fmt::format("--name {}={}: no group is called {}; there are {}", label,
                                                 name, label, fmt::join(labels, "; ")));
     }
-    std::set<std::string> taken;
+    const auto recorded = [](const Group& group) { return !group.runs.front().recorded_as.empty(); };
+    std::set<std::string> own, taken;
+    for (const auto& group : groups)
+        if (!recorded(group)) own.insert(group.label);
     for (auto& group : groups) {
-        if (const auto name = names.find(group.label); name != names.end()) group.label = name->second;
+        const auto name = names.find(group.label);
+        // Where a recorded group is called like one of the user's, that one is meant.
+        if (name != names.end() && !(recorded(group) && own.contains(group.label)))
+            group.label = name->second;
         if (!taken.insert(group.label).second)
             throw std::invalid_argument(
-                fmt::format("--name: two groups would be called {}; give them different names", group.label));
+                fmt::format("two groups are called {}: give one of them another name by --name '{}=NAME'",
+                            group.label, group.label));
     }
     std::ranges::sort(groups, {}, &Group::label);
 }

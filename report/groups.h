@@ -23,8 +23,8 @@ struct Group {
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
 
 /// Gives groups the names to which `names` maps their labels, and sorts them anew. Throws
-/// std::invalid_argument for a label that no group has, naming those that there are, and for a name that two
-/// groups would have.
+/// std::invalid_argument for a label that no group has, naming those that there are, and where two groups
+/// then have the same name. Where a recorded group has the label of one of the user's, the latter is meant.
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names);
 
 /// The runs without which not every group has been trained on every game with every seed that any of them

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
-#include <optional>
+#include <set>
 #include <stdexcept>
 #include <string_view>
-#include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -18,40 +19,44 @@ namespace cale {
 namespace {
 
 constexpr int kParts = 10;  // of a run
-constexpr std::array<std::string_view, 6> kColumns{"group", "agent", "game", "seed", "step", "score"};
-/// The rules of a game, and what random play is measured by.
-constexpr std::array<std::string_view, 7> kRules{
-    "env.obs",       "env.action_space",       "env.joystick",
-    "env.threshold", "env.sticky_probability", "env.terminal_on_life_loss",
-    "env.frame_skip"};
+constexpr std::array<std::string_view, 8> kColumns{"group", "run",  "agent", "game",
+                                                   "seed",  "step", "score", "total_steps"};
+/// The settings that say by which rules a game is played.
+constexpr std::string_view kRules = "env.";
 
-std::string setting_of(const Run& run, std::string_view key) {
-    const auto found = run.settings.find(std::string(key));
-    return found == run.settings.end() ? std::string() : found->second;
+std::set<std::string> rules_of(const Comparison& comparison) {
+    std::set<std::string> keys;
+    for (const auto& group : comparison.groups)
+        for (const auto& run : group.runs)
+            for (const auto& [key, value] : run.settings)
+                if (key.starts_with(kRules)) keys.insert(key);
+    return keys;
 }
 
-/// The last score up to this step; none before the first.
-std::optional<double> score_at(const Run& run, double step) {
-    const auto next = std::ranges::upper_bound(run.steps, step);
-    if (next == run.steps.begin()) return std::nullopt;
-    return run.scores[static_cast<std::size_t>(next - run.steps.begin()) - 1];
+std::string setting_of(const Run& run, const std::string& key) {
+    const auto found = run.settings.find(key);
+    return found == run.settings.end() ? std::string() : found->second;
 }
 
 std::vector<double> recorded_steps(const Run& run) {
     const double all = run.total_steps > 0 ? run.total_steps : run.steps.back();
-    const double end = run.finished ? all : run.reached;
+    const double end = run.finished ? std::max(all, run.reached) : run.reached;
     std::vector<double> steps;
     for (int part = 1; part <= kParts && all * part / kParts <= end; ++part)
         steps.push_back(all * part / kParts);
     if (steps.empty() || steps.back() < end) steps.push_back(end);
+    // As they are written; of a run of a few steps some are the same.
+    for (auto& step : steps) step = std::round(step);
+    const auto repeated = std::ranges::unique(steps);
+    steps.erase(repeated.begin(), repeated.end());
     return steps;
 }
 
-std::uint64_t seed_of(const CsvTable& table, std::size_t row, std::size_t column) {
+std::uint64_t natural(const CsvTable& table, std::size_t row, std::size_t column) {
     const auto& text = table.rows[row][column];
-    if (const auto seed = number_in<std::uint64_t>(text)) return *seed;
-    throw std::runtime_error(
-        fmt::format("{}:{}: the seed '{}' is no number", table.path.string(), table.lines[row], text));
+    if (const auto number = number_in<std::uint64_t>(text)) return *number;
+    throw std::runtime_error(fmt::format("{}:{}: the {} '{}' is no number", table.path.string(),
+                                         table.lines[row], table.columns[column], text));
 }
 
 std::array<std::size_t, kColumns.size()> columns_of(const CsvTable& table) {
@@ -70,22 +75,27 @@ std::array<std::size_t, kColumns.size()> columns_of(const CsvTable& table) {
 
 std::string recorded_runs_csv(const Comparison& comparison) {
     if (comparison.config.score != ScoreKind::training) return "";
+    const auto rules = rules_of(comparison);
     std::vector<std::string> header(kColumns.begin(), kColumns.end());
-    header.insert(header.end(), kRules.begin(), kRules.end());
+    header.insert(header.end(), rules.begin(), rules.end());
     auto text = csv_line(header);
     for (const auto& group : comparison.results) {
+        int number = 0;
         for (const auto& game : group.games) {
             for (const auto* run : game.runs) {
+                ++number;
                 for (const double step : recorded_steps(*run)) {
                     const auto score = score_at(*run, step);
                     if (!score) continue;
                     std::vector<std::string> cells{group.label,
+                                                   fmt::to_string(number),
                                                    run->agent,
                                                    std::string(game.game->name),
                                                    fmt::to_string(run->seed),
                                                    fmt::format("{:.0f}", step),
-                                                   fmt::format("{}", *score)};
-                    for (const auto key : kRules) cells.push_back(setting_of(*run, key));
+                                                   fmt::format("{}", *score),
+                                                   fmt::format("{:.0f}", run->total_steps)};
+                    for (const auto& key : rules) cells.push_back(setting_of(*run, key));
                     text += csv_line(cells);
                 }
             }
@@ -106,33 +116,33 @@ std::vector<std::string> recorded_groups(const std::filesystem::path& csv) {
 std::vector<Run> read_recorded_runs(const std::filesystem::path& csv,
                                     const std::vector<std::string>& groups) {
     const auto table = read_whole_csv(csv);
-    const auto [group, agent, game, seed, step, score] = columns_of(table);
-    std::map<std::tuple<std::string, std::string_view, std::uint64_t>, Run> runs;
+    const auto [group, number, agent, game, seed, step, score, total] = columns_of(table);
+    std::map<std::pair<std::string, std::uint64_t>, Run> runs;
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
         const auto& cells = table.rows[row];
         if (std::ranges::find(groups, cells[group]) == groups.end()) continue;
-        const auto& played = find_game(cells[game]);
-        auto& run = runs[{cells[group], played.name, seed_of(table, row, seed)}];
+        auto& run = runs[{cells[group], natural(table, row, number)}];
+        run.folder = csv;
         run.recorded_as = cells[group];
         run.agent = cells[agent];
-        run.game = &played;
-        run.seed = seed_of(table, row, seed);
+        run.game = &find_game(cells[game]);
+        run.seed = natural(table, row, seed);
+        run.total_steps = table.number(row, total);
+        if (!run.steps.empty() && table.number(row, step) <= run.steps.back())
+            throw std::runtime_error(
+                fmt::format("{}:{}: the steps of a run do not ascend", csv.string(), table.lines[row]));
         run.steps.push_back(table.number(row, step));
         run.scores.push_back(table.score(row, score));
-        if (run.steps.size() > 1 && run.steps.back() <= run.steps[run.steps.size() - 2])
-            throw std::runtime_error(fmt::format("{}:{}: the steps of a run do not ascend",
-                                                 table.path.string(), table.lines[row]));
         for (std::size_t i = 0; i < table.columns.size(); ++i)
-            if (table.columns[i].find('.') != std::string::npos && !cells[i].empty())
+            if (table.columns[i].starts_with(kRules) && !cells[i].empty())
                 run.settings[table.columns[i]] = cells[i];
     }
     std::vector<Run> result;
     for (auto& [identity, run] : runs) {
-        run.folder = csv;
         run.env = env_of(run.settings);
         if (run.env) run.env->game = run.game->name;
-        run.finished = true;
-        run.total_steps = run.reached = run.steps.back();
+        run.reached = run.steps.back();
+        run.finished = run.reached >= run.total_steps;
         result.push_back(std::move(run));
     }
     return result;

@@ -12,15 +12,15 @@
 namespace cale {
 
 /// Returns the runs of a comparison of training scores: a row for every tenth of a run's agent steps, and for
-/// the last step, with the score as it stood then, and the rules by which the run was played. Empty for
-/// evaluations.
+/// the last step, with the score as it stood then, and the rules by which the run was played; `run` numbers
+/// the runs of a group. Empty for evaluations.
 std::string recorded_runs_csv(const Comparison& comparison);
 
 /// Returns the names of the groups of runs in such a table, each once, as they stand. Throws
 /// std::runtime_error for a table that cannot be read or is none of recorded runs.
 std::vector<std::string> recorded_groups(const std::filesystem::path& csv);
 
-/// Returns the runs of these groups, finished, with Run::recorded_as set. Throws as recorded_groups() does.
+/// Returns the runs of these groups, with Run::recorded_as set. Throws as recorded_groups() does.
 std::vector<Run> read_recorded_runs(const std::filesystem::path& csv, const std::vector<std::string>& groups);
 
 }  // namespace cale

@@ -520,6 +520,12 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 
 }  // namespace
 
+std::optional<double> score_at(const Run& run, double step) {
+    const auto next = std::ranges::upper_bound(run.steps, step);
+    if (next == run.steps.begin()) return std::nullopt;
+    return run.scores[static_cast<std::size_t>(next - run.steps.begin()) - 1];
+}
+
 std::optional<EnvConfig> env_of(const std::map<std::string, std::string>& settings) {
     if (!settings.contains("env.action_space")) return std::nullopt;
     EnvConfig env;

@@ -79,6 +79,9 @@ struct FoundRuns {
     std::vector<std::string> missing{};  // folders that a sweep lists (kSweepList) and that hold no run
 };
 
+/// Returns what Run::score() was after that many agent steps; none before the run's first score.
+std::optional<double> score_at(const Run& run, double step);
+
 /// Returns the rules that settings such as "env.action_space" name; none where they do not, or cannot be
 /// read.
 std::optional<EnvConfig> env_of(const std::map<std::string, std::string>& settings);

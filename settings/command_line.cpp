@@ -73,7 +73,9 @@ void check_threads(const std::string& threads) {
 }
 
 std::int64_t agent_step(const std::string& until) {
-    const auto step = number_in<std::int64_t>(until);
+    auto digits = until;
+    std::erase(digits, '_');
+    const auto step = number_in<std::int64_t>(digits);
     if (!step || *step < 1)
         throw ConfigError(fmt::format("--until must be an agent step from 1, not '{}'", until));
     return *step;

@@ -30,7 +30,6 @@ constexpr auto kPollInterval = std::chrono::milliseconds(100);
 constexpr auto kGrace = std::chrono::seconds(1);
 
 enum TrainExit { kDone = 0, kUsage = 2, kCannotResume = 3 };
-enum SweepExit { kAllFinished = 0, kSomeFailed = 1, kInterrupted = 130 };
 
 volatile std::sig_atomic_t stops = 0;
 volatile std::sig_atomic_t interrupts = 0;

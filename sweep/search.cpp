@@ -12,7 +12,9 @@
 #include "settings/config.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
+#include "sweep/local_runner.h"
 #include "sweep/run_folder.h"
+#include "sweep/settings.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -21,22 +23,29 @@ namespace {
 
 constexpr std::int64_t kFirstShare = 8;   // of the run, before the first halving
 constexpr std::int64_t kWindowShare = 4;  // of the steps so far, behind a score
-enum ExitCode { kDone = 0, kSomeFailed = 1, kInterrupted = 130 };
 
 const std::vector<Setting>& settings_of(const Search& search, std::int64_t sample) {
     return search.sweep.samples[static_cast<std::size_t>(sample) - 1];
 }
 
-std::int64_t common_length(const Search& search) {
-    const auto steps = search.runs.front().total_steps;
-    for (const auto& planned : search.runs) {
-        if (planned.total_steps == steps) continue;
-        throw ConfigError(
-            fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} and {}: "
-                        "set it below 'set:'",
-                        search.sweep.name, steps, planned.total_steps));
+std::int64_t length_of(const Search& search) {
+    return search.runs.front().total_steps;
+}
+
+bool is_set(const PlannedRun& planned, std::string_view key, std::string_view value) {
+    const auto* const text = planned_value(planned, key);
+    return text != nullptr && same_value(*text, std::string(value));
+}
+
+/// Returns the runs as they are trained up to agent step `steps`, where they pause.
+std::vector<PlannedRun> paused_at(std::span<const PlannedRun> runs, std::int64_t steps) {
+    std::vector<PlannedRun> paused(runs.begin(), runs.end());
+    for (auto& planned : paused) {
+        if (steps >= planned.total_steps) continue;
+        planned.until = planned.total_steps = steps;
+        planned.evaluates = false;
     }
-    return steps;
+    return paused;
 }
 
 std::vector<SampleScore> compared(const Search& search, std::span<const PlannedRun> runs,
@@ -57,9 +66,41 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
     return result;
 }
 
+/// A rung whose samples have been compared.
+struct Rung {
+    std::vector<SampleScore> samples{};  // the best first
+    std::size_t go_on = 0;               // how many of them go on
+};
+
+Rung compare_rung(const Search& search, std::span<const PlannedRun> runs, std::int64_t steps) {
+    Rung rung{.samples = compared(search, runs, steps)};
+    if (steps < length_of(search)) rung.go_on = (rung.samples.size() + 1) / 2;
+    return rung;
+}
+
+/// Leaves the runs of those samples that go on.
+void keep_better(std::vector<PlannedRun>& runs, const Rung& rung) {
+    std::set<std::int64_t> kept;
+    for (const auto& sample : rung.samples | std::views::take(rung.go_on)) kept.insert(sample.sample);
+    std::erase_if(runs, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
+}
+
+/// Prints those runs whose folders hold others. Returns whether there are any.
+bool refuse_others(const Search& search, std::FILE* out) {
+    bool refused = false;
+    for (const auto& planned : search.runs) {
+        const auto reason = config_mismatch(planned, search.folder / planned.run.name);
+        if (reason.empty()) continue;
+        fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
+        refused = true;
+    }
+    return refused;
+}
+
 // ---- what is left -------------------------------------------------------------------
 
-void print(const Search& search, std::span<const SampleScore> samples, std::size_t go_on, std::FILE* out) {
+void print(const Search& search, const Rung& rung, std::FILE* out) {
+    const auto& [samples, go_on] = rung;
     const auto steps = samples.front().steps;
     if (go_on > 0) {
         fmt::print(out, "Agent step {}: the better {} of {} samples go on.\n", steps, go_on, samples.size());
@@ -75,6 +116,12 @@ void print(const Search& search, std::span<const SampleScore> samples, std::size
             fmt::print(out, "  {:>{}}", value, key.size());
         fmt::print(out, "\n");
     }
+    if (go_on > 0 && go_on < samples.size() && samples[go_on - 1].rank == samples[go_on].rank)
+        fmt::print(out,
+                   "Their ranks do not tell samples {} and {} apart, so the one of the smaller number went "
+                   "on; with a "
+                   "larger first_steps in 'search:' more games end before.\n",
+                   samples[go_on - 1].sample, samples[go_on].sample);
 }
 
 /// The newest comparison of each sample, the longest first.
@@ -94,6 +141,22 @@ void write_table(const Search& search, std::span<const SampleScore> samples) {
     write_file_atomically(search.folder / "search.csv", text);
 }
 
+/// What all runs of the search have in common but for game and seed, and then the sample's settings.
+std::map<std::string, std::string> settings_for_config(const Search& search, std::int64_t sample) {
+    std::map<std::string, std::string> settings;
+    for (const auto& [key, value] : search.runs.front().run.settings) settings[key] = value;
+    for (const auto& planned : search.runs) {
+        std::erase_if(settings, [&](const auto& setting) {
+            return std::ranges::find(planned.run.settings, Setting{setting.first, setting.second}) ==
+                   planned.run.settings.end();
+        });
+    }
+    settings.erase("env.game");
+    settings.erase("train.seed");
+    for (const auto& [key, value] : settings_of(search, sample)) settings[key] = value;
+    return settings;
+}
+
 /// As YAML for --config, on top of the file that all runs have, if it is one.
 void write_best(const Search& search, const SampleScore& best, std::size_t compared) {
     std::set<fs::path> configs;
@@ -104,7 +167,7 @@ void write_best(const Search& search, const SampleScore& best, std::size_t compa
     if (configs.size() == 1 && !configs.begin()->empty())
         text += fmt::format("extends: {}\n", configs.begin()->string());
     std::map<std::string, std::string> sections;
-    for (const auto& [key, value] : settings_of(search, best.sample)) {
+    for (const auto& [key, value] : settings_for_config(search, best.sample)) {
         const auto dot = key.find('.');
         sections[key.substr(0, dot)] += fmt::format("  {}: {}\n", key.substr(dot + 1), value);
     }
@@ -164,42 +227,58 @@ void rank(std::vector<SampleScore>& samples) {
                              [](const auto& sample) { return std::pair(sample.rank, sample.sample); });
 }
 
-std::vector<PlannedRun> paused_at(std::span<const PlannedRun> runs, std::int64_t steps) {
-    std::vector<PlannedRun> paused(runs.begin(), runs.end());
-    for (auto& planned : paused) {
-        if (steps >= planned.total_steps) continue;
-        planned.until = planned.total_steps = steps;
-        planned.evaluates = false;
+void check_search(const Search& search) {
+    for (const auto& planned : search.runs) {
+        if (planned.total_steps != length_of(search))
+            throw ConfigError(
+                fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} "
+                            "and {}: set it below 'set:'",
+                            search.sweep.name, length_of(search), planned.total_steps));
+        if (search.method != SearchMethod::halving) continue;
+        for (const auto& [key, value] :
+             {std::pair("train.save_replay", "false"), {"train.realtime", "true"}}) {
+            if (is_set(planned, key, value))
+                throw ConfigError(
+                    fmt::format("{}: with {}={} a run that pauses does not go on as if it had not: change "
+                                "that, or say --search random",
+                                search.sweep.name, key, value));
+        }
     }
-    return paused;
+}
+
+std::vector<PlannedRun> next_runs(const Search& search) {
+    std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
+    for (const auto steps : rungs(search.method, *search.sweep.search, length_of(search))) {
+        const auto runs = paused_at(left, steps);
+        if (!std::ranges::all_of(runs, [&](const PlannedRun& planned) {
+                return is_finished(search.folder / planned.run.name, planned.total_steps, planned.evaluates);
+            }))
+            return runs;
+        keep_better(left, compare_rung(search, runs, steps));
+    }
+    return {};
 }
 
 int run_search(const Search& search, std::FILE* out) {
+    check_search(search);
+    if (refuse_others(search, out)) return kSomeFailed;
     std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
     std::vector<SampleScore> dropped;
-    int exit_code = kDone;
-    for (const auto steps : rungs(search.method, *search.sweep.search, common_length(search))) {
+    int exit_code = kAllFinished;
+    for (const auto steps : rungs(search.method, *search.sweep.search, length_of(search))) {
         const auto runs = paused_at(left, steps);
         const int code = search.train(runs);
         if (code == kInterrupted) return code;
         exit_code = std::max(exit_code, code);
-        if (std::ranges::any_of(runs, [&](const PlannedRun& planned) {
-                return !config_mismatch(planned, search.folder / planned.run.name).empty();
-            }))
-            return kSomeFailed;
 
-        auto samples = compared(search, runs, steps);
-        const bool last = steps == search.runs.front().total_steps;
-        const auto go_on = last ? 0 : (samples.size() + 1) / 2;
-        print(search, samples, go_on, out);
-        std::set<std::int64_t> kept;
-        for (const auto& sample : samples | std::views::take(go_on)) kept.insert(sample.sample);
-        std::erase_if(left, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
-        const auto compared_last = samples.size();
-        samples.insert(samples.end(), dropped.begin(), dropped.end());
-        write_table(search, samples);
-        if (last) write_best(search, samples.front(), compared_last);
-        dropped.assign(samples.begin() + static_cast<std::ptrdiff_t>(go_on), samples.end());
+        auto rung = compare_rung(search, runs, steps);
+        print(search, rung, out);
+        keep_better(left, rung);
+        const auto compared_last = rung.samples.size();
+        rung.samples.insert(rung.samples.end(), dropped.begin(), dropped.end());
+        write_table(search, rung.samples);
+        if (left.empty()) write_best(search, rung.samples.front(), compared_last);
+        dropped.assign(rung.samples.begin() + static_cast<std::ptrdiff_t>(rung.go_on), rung.samples.end());
     }
     return exit_code;
 }

@@ -54,13 +54,18 @@ struct Search {
     std::function<int(std::span<const PlannedRun>)> train{};
 };
 
-/// Returns these runs as they are trained up to agent step `steps`, where they pause.
-std::vector<PlannedRun> paused_at(std::span<const PlannedRun> runs, std::int64_t steps);
+/// Throws ConfigError where the runs cannot be compared: they are of different lengths, or are to pause and
+/// would not go on as if they had not (without their replay, or in real time).
+void check_search(const Search& search);
+
+/// Returns the runs that are trained next, up to where they pause: those of the first rung that has some left
+/// to train; none where the search is done.
+std::vector<PlannedRun> next_runs(const Search& search);
 
 /// Trains the samples, prints how they compare to `out`, and leaves search.csv, with every sample, and
 /// search_best.yaml, the settings of the best one for --config, in the folder. Returns the exit code: 0 done,
-/// 1 some runs failed, which counts as the worst score, or are refused, 130 interrupted; the same call then
-/// goes on. Throws ConfigError where the runs are not of the same length.
+/// 1 some runs failed, which counts as the worst score, or are refused, and then nothing is trained, 130
+/// interrupted; the same call then goes on. Throws as check_search() does.
 int run_search(const Search& search, std::FILE* out);
 
 }  // namespace cale

@@ -34,8 +34,14 @@ std::string drawn(const NumberRange& range, std::mt19937_64& random) {
     }
     double value = low + (high - low) * uniform(random);
     if (range.logarithmic) value = std::exp(value);
-    if (!range.whole) return fmt::format("{:.3g}", value);
-    return fmt::format("{:.0f}", std::clamp(std::round(value), range.low, range.high));
+    if (range.whole) return fmt::format("{:.0f}", std::clamp(std::round(value), range.low, range.high));
+    // Three digits, and as many more as the ends have in common.
+    const double spread = (range.high - range.low) / std::max(std::abs(range.low), std::abs(range.high));
+    const int digits = 3 + static_cast<int>(std::max(0.0, std::ceil(-std::log10(spread))));
+    const auto text = fmt::format("{:.{}g}", value, digits);
+    const auto rounded = number_in<double>(text).value_or(value);
+    const auto inside = std::clamp(rounded, range.low, range.high);
+    return inside == rounded ? text : fmt::format("{}", inside);
 }
 
 std::vector<Setting> draw(const SearchSpace& space, std::int64_t sample, int attempt) {

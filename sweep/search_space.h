@@ -44,9 +44,9 @@ struct SearchSpace {
 /// where it is no range. Throws ConfigError for a range that is empty, or no range of logarithms.
 std::optional<NumberRange> number_range(std::string_view text);
 
-/// Returns the settings of each sample, in the order of the space; numbers have three digits. A sample
-/// depends on the seed, its number and the settings alone, but for one that would repeat an earlier one,
-/// which is drawn again. Throws ConfigError where the space has fewer samples than it is to give.
+/// Returns the settings of each sample, in the order of the space; numbers have three digits that can differ.
+/// A sample depends on the seed, its number and the settings alone, but for one that would repeat an earlier
+/// one, which is drawn again. Throws ConfigError where the space has fewer samples than it is to give.
 std::vector<std::vector<Setting>> draw_samples(const SearchSpace& space);
 
 }  // namespace cale

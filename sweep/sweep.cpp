@@ -173,9 +173,9 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 
 // ---- searches -----------------------------------------------------------------------
 
-void check_search(const SweepOptions& options, const Sweep& sweep) {
+void check_method(const SweepOptions& options, const Sweep& sweep) {
     const auto file = options.file.string();
-    if (sweep.search && options.search == SearchMethod::none) {
+    if (sweep.search && options.search == SearchMethod::none && options.task != SweepTask::show_status) {
         throw ConfigError(fmt::format(
             "{} has 'search:', so say --search random, which trains every sample to the end, or --search "
             "halving, with which the better half goes on again and again",
@@ -202,37 +202,34 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto sweep = read_sweep(options.file, options.overrides);
     std::vector<std::string> all_runs;
     for (const auto& run : sweep.runs) all_runs.push_back(run.name);
-    check_search(options, sweep);
+    check_method(options, sweep);
     keep_only(sweep.runs, options.only);
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
     check_folder(folder);
     const auto runs = plan(sweep, options.cale.parent_path());
     if (options.task == SweepTask::show_status) return show_status(runs, folder, out);
+    Search search{.sweep = sweep, .runs = runs, .method = options.search, .folder = folder};
+    const bool compares = options.search != SearchMethod::none && options.only.empty();
+    if (compares) check_search(search);
     if (options.launcher == Launcher::slurm)
         return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, all_runs, out);
 
     auto machine = Machine::here();
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
-    const bool compares = options.search != SearchMethod::none && options.only.empty();
-    if (options.task == SweepTask::show_commands) {
-        const auto first =
-            compares ? paused_at(runs, rungs(options.search, *sweep.search, runs.front().total_steps).front())
-                     : runs;
-        return show_commands(first, folder, options, slots.slots.front().device, out);
-    }
+    if (options.task == SweepTask::show_commands)
+        return show_commands(compares ? next_runs(search) : runs, folder, options, slots.slots.front().device,
+                             out);
     make_folder(folder, all_runs);
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
-    const auto train = [&](std::span<const PlannedRun> some) {
+    search.train = [&](std::span<const PlannedRun> some) {
         return run_locally(some, folder, slots,
                            {.threads = options.sharing.threads,
                             .retries = options.retries,
                             .live_table = options.live_table});
     };
-    if (!compares) return train(runs);
-    return run_search(
-        {.sweep = sweep, .runs = runs, .method = options.search, .folder = folder, .train = train}, out);
+    return compares ? run_search(search, out) : search.train(runs);
 }
 
 }  // namespace cale

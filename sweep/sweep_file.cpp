@@ -257,6 +257,20 @@ class Reader {
 
 // ---- the command line ---------------------------------------------------------------
 
+/// Returns false where the key is not searched.
+bool override_searched(SearchSpace& space, const std::string& key, const std::string& values) {
+    const auto setting = std::ranges::find(space.settings, key, &SearchedSetting::key);
+    if (setting == space.settings.end()) return false;
+    const auto range = number_range(values);
+    *setting = {.key = key, .values = Choices()};
+    if (range) {
+        setting->values = *range;
+    } else {
+        setting->values = split(values, ',');
+    }
+    return true;
+}
+
 void override_key(Contents& contents, const std::string& text) {
     const auto equals = text.find('=');
     const auto key = text.substr(0, equals);
@@ -265,6 +279,7 @@ void override_key(Contents& contents, const std::string& text) {
     if (!is_key(key)) throw ConfigError(no_key(key));
     Axis axis{key, split(text.substr(equals + 1), ',')};
     try {
+        if (contents.search && override_searched(*contents.search, key, text.substr(equals + 1))) return;
         axis.values = expand(key, axis.values);
     } catch (const ConfigError& error) {
         throw ConfigError(fmt::format("{}: {}", text, error.what()));
@@ -280,13 +295,6 @@ void override_key(Contents& contents, const std::string& text) {
             varies = true;
         }
     };
-    if (contents.search) {
-        for (auto& setting : contents.search->settings) {
-            if (setting.key != key) continue;
-            setting = {.key = key, .values = axis.values};
-            return;
-        }
-    }
     replace(contents.grid);
     for (auto& variant : contents.variants) replace(variant);
     if (varies) return;

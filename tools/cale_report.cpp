@@ -78,21 +78,40 @@ bool holds_runs(const fs::path& csv) {
     return read_csv(csv).find("group").has_value();
 }
 
+bool contains(const std::vector<std::string>& names, const std::string& name) {
+    return std::ranges::find(names, name) != names.end();
+}
+
+/// The names that a text lists with commas, which may be in a name, too.
+std::vector<std::string> listed_names(const std::vector<std::string>& texts,
+                                      const std::vector<std::string>& groups) {
+    std::vector<std::string> names;
+    for (const auto& text : texts) {
+        if (contains(groups, text)) {
+            names.push_back(text);
+        } else {
+            std::ranges::move(split(text, ','), std::back_inserter(names));
+        }
+    }
+    return names;
+}
+
 /// 'cale' stands for all our own results; another name is one of their groups, or a column of published
 /// scores.
 Beside read_beside(const Options& options) {
-    const auto own =
-        options.baselines_csv.empty() ? data_file("cale_scores.csv") : fs::path(options.baselines_csv);
     Beside beside;
     if (options.baselines.empty()) return beside;
-    const auto groups = holds_runs(own) ? recorded_groups(own) : std::vector<std::string>();
+    const bool shipped = options.baselines_csv.empty();
+    const auto own = shipped ? data_file("cale_scores.csv") : fs::path(options.baselines_csv);
+    const bool has_groups = holds_runs(own);
+    const auto groups = has_groups ? recorded_groups(own) : std::vector<std::string>();
     std::vector<std::string> recorded, published;
-    for (const auto& name : options.baselines) {
-        if (options.baselines_csv.empty() && name == "cale") {
-            recorded = groups;
-        } else if (std::ranges::find(groups, name) != groups.end()) {
+    for (const auto& name : listed_names(options.baselines, groups)) {
+        if (contains(groups, name)) {
             recorded.push_back(name);
-        } else if (!groups.empty() && !options.baselines_csv.empty()) {
+        } else if (shipped && name == "cale") {
+            recorded = groups;
+        } else if (has_groups && !shipped) {
             throw std::invalid_argument(fmt::format("--baselines {}: {} has no such group; there are {}",
                                                     name, own.string(), fmt::join(groups, "; ")));
         } else {
@@ -101,11 +120,16 @@ Beside read_beside(const Options& options) {
     }
     if (!recorded.empty() && options.score != "training")
         throw std::invalid_argument(
-            "--baselines: recorded runs have scores of their training: leave --score "
-            "evaluation out, or them");
+            "--baselines: recorded runs have scores of their training: leave --score evaluation out, or "
+            "them");
     beside.recorded = read_recorded_runs(own, recorded);
-    beside.baselines =
-        read_baselines(options.baselines_csv.empty() ? data_file("reference_scores.csv") : own, published);
+    try {
+        beside.baselines = read_baselines(shipped ? data_file("reference_scores.csv") : own, published);
+    } catch (const std::invalid_argument& error) {
+        if (!shipped) throw;
+        throw std::invalid_argument(
+            fmt::format("{}; cale's own are {}", error.what(), fmt::join(groups, "; ")));
+    }
     return beside;
 }
 
@@ -118,7 +142,9 @@ std::map<std::string, std::string> names_of_groups(const std::vector<std::string
         if (equals == text.npos || equals == 0 || equals + 1 == text.size())
             throw std::invalid_argument(
                 fmt::format("--name {}: expected LABEL=NAME, such as 'sac, phi_dqn=SAC'", text));
-        names[text.substr(0, equals)] = text.substr(equals + 1);
+        if (!names.emplace(text.substr(0, equals), text.substr(equals + 1)).second)
+            throw std::invalid_argument(
+                fmt::format("--name {}: this group has been given another name already", text));
     }
     return names;
 }
@@ -140,6 +166,7 @@ void report(Options options) {
         throw std::invalid_argument("name folders of runs, or recorded ones: --baselines cale");
     const std::vector<fs::path> paths(options.runs.begin(), options.runs.end());
     auto found = find_runs(paths, options.config.score);
+    if (!paths.empty()) require_runs(found);
     std::ranges::move(recorded, std::back_inserter(found.runs));
     const Comparison comparison = compare(std::move(found), baselines, options.config);
     const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
@@ -211,7 +238,9 @@ void add_report(CLI::App& app) {
         ->type_name("KEYS")
         ->delimiter(',')
         ->allow_extra_args(false);
-    command.add_option("--name", options->names, "gives a group another name: --name 'sac, phi_dqn=SAC'")
+    command
+        .add_option("--name", options->names,
+                    "gives a group another name, without '=': --name 'sac, phi_dqn=SAC'")
         ->type_name("LABEL=NAME")
         ->allow_extra_args(false)
         ->take_all();

@@ -147,12 +147,12 @@ Recorder::~Recorder() = default;
 
 // When ------------------------------------------------------------------------------------
 
-/// The processes synchronise where the first one has a row, an evaluation or a checkpoint to write, and at
-/// the end.
+/// The processes synchronise where the first one has a row, an evaluation or a checkpoint to write, where
+/// they pause, and at the end.
 bool Recorder::synchronises(std::int64_t before) const {
     const auto& [train, eval, log] = settings_;
     const std::array periods{log.every, eval.every, train.checkpoint_every, train.keep_every};
-    return state_.step >= train.total_steps ||
+    return state_.step >= train.total_steps || (reached_pause() && before < options_.until) ||
            std::ranges::any_of(periods, [&](auto period) { return passed(before, state_.step, period); });
 }
 
@@ -230,7 +230,7 @@ Outcome Recorder::finish() {
     // A run that was killed behind the checkpoint of its last evaluation does not play that again.
     const bool evaluated = state_.score && state_.score->evaluated;
     if (!complete || (!evaluated && !run_evaluation())) {
-        const bool paused = !complete && reached_pause();
+        const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
             files_->console.message(fmt::format("{} at agent step {}; resume with --resume --run-dir {}",
                                                 paused ? "Paused" : "Interrupted", state_.step,

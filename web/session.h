@@ -60,7 +60,8 @@ class Session {
     std::span<const Frame> frames() const { return {frames_.data(), frame_count_}; }
     int screen_height() const { return env().screen_height(); }
     int screen_width() const { return env().screen_width(); }
-    /// Returns what the policy sees next: [stack, 84, 84] or [stack, 128] bytes.
+    /// Returns what the policy sees next: [stack, 84, 84] or [stack, 128] bytes, more with
+    /// env.observe_joystick.
     std::span<const std::uint8_t> observation() const { return stack_->data(); }
     /// Returns the network's output for the newest decision: see lite::Policy::output_size().
     std::span<const float> output() const { return policy().newest_output(*workspace_); }

@@ -307,6 +307,18 @@ def test_infos_of_sticks_and_paddles():
     np.testing.assert_array_equal(infos["paddle"], [0, 1])
 
 
+def test_the_joystick_is_seen_beside_the_memory():
+    envs = cale.make_vec("breakout", num_envs=2, obs="ram", observe_joystick=True, sticky_probability=0, frame_stack=2)
+    observations, _ = envs.reset(seed=1)
+    assert envs.single_observation_space.shape == observations.shape[1:] == (2, 128 + 18)
+    observations, *_ = envs.step(np.array([[1, 0, 1], [0, 0, 0]], np.float32))
+    np.testing.assert_array_equal(observations[:, -1, :128], envs.ram())
+    np.testing.assert_array_equal(observations[0, -1, 128:], [255, 128, 255] * 6)
+    np.testing.assert_array_equal(observations[1, -1, 128:], [128, 128, 0] * 6)
+    with pytest.raises(ValueError, match="env.observe_joystick is for observations of the memory"):
+        cale.make_vec("breakout", observe_joystick=True)
+
+
 def test_the_version_is_the_projects(repository):
     assert f"project(cale VERSION {cale.__version__} " in (repository / "CMakeLists.txt").read_text()
 

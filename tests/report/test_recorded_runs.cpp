@@ -56,14 +56,12 @@ class Recorded : public testing::Test {
 
 TEST_F(Recorded, HasTheScoreAtEveryTenthOfARunAndItsRules) {
     const auto text = recorded_runs_csv(compare(found(), {}, kQuick));
-    EXPECT_THAT(text,
-                testing::StartsWith(
-                    "group,agent,game,seed,step,score,env.obs,env.action_space,env.joystick,env.threshold,"
-                    "env.sticky_probability,env.terminal_on_life_loss,env.frame_skip\n"
-                    "der,der,Pong,1,100,1,,continuous,,,0,true,\n"));
+    EXPECT_THAT(text, testing::StartsWith("group,run,agent,game,seed,step,score,total_steps,env.action_space,"
+                                          "env.sticky_probability,env.terminal_on_life_loss\n"
+                                          "der,1,der,Pong,1,100,1,1000,continuous,0,true\n"));
     // An iteration is a tenth of the run: each score is that of the game that ended in it.
-    EXPECT_THAT(text, HasSubstr("\nsac,sac,Pong,1,300,2,,continuous,,,0,true,\n"));
-    EXPECT_THAT(text, HasSubstr("\nsac,sac,Pong,2,1000,3,,continuous,,,0,true,\n"));
+    EXPECT_THAT(text, HasSubstr("\nsac,1,sac,Pong,1,300,2,1000,continuous,0,true\n"));
+    EXPECT_THAT(text, HasSubstr("\nsac,2,sac,Pong,2,1000,3,1000,continuous,0,true\n"));
     EXPECT_EQ(std::ranges::count(text, '\n'), 31);
     auto config = kQuick;
     config.score = ScoreKind::evaluation;
@@ -75,9 +73,42 @@ TEST_F(Recorded, HasTheScoreAtEveryTenthOfARunAndItsRules) {
 TEST_F(Recorded, ARunUnderWayIsRecordedAsFarAsItGot) {
     folders_.run("runs/d", "dqn", "Pong", 1, {1, 2, 3}, "train: {total_steps: 2000}\n");
     const auto text = recorded_runs_csv(compare(found(), {}, kQuick));
-    EXPECT_THAT(text, HasSubstr("\ndqn,dqn,Pong,1,200,1.5,"));
-    EXPECT_THAT(text, HasSubstr("\ndqn,dqn,Pong,1,300,2.5,"));
-    EXPECT_THAT(text, testing::Not(HasSubstr("dqn,dqn,Pong,1,400")));
+    EXPECT_THAT(text, HasSubstr("\ndqn,1,dqn,Pong,1,200,1.5,2000,"));
+    EXPECT_THAT(text, HasSubstr("\ndqn,1,dqn,Pong,1,300,2.5,2000,"));
+    EXPECT_THAT(text, testing::Not(HasSubstr("dqn,1,dqn,Pong,1,400")));
+    FoundRuns again;
+    again.runs = read_recorded_runs(folders_.write("unfinished.csv", text), {"dqn"});
+    const auto comparison = compare(std::move(again), {}, kQuick);
+    EXPECT_FALSE(comparison.is_complete());
+    EXPECT_THAT(comparison.notes.front().items.front(), HasSubstr("is unfinished: 300 of 2000 agent steps"));
+}
+
+TEST_F(Recorded, RunsThatDifferInSettingsAloneAreTwo) {
+    folders_.run("runs/e", "sac", "Pong", 1, {9, 9, 9, 9, 9, 9, 9, 9, 9, 9}, kRules + "agent: {gamma: 1}\n");
+    auto config = kQuick;
+    config.group_by = {"agent"};
+    const auto there = compare(found(), {}, config);
+    FoundRuns again;
+    again.runs = read_recorded_runs(table(config), {"sac", "der"});
+    EXPECT_EQ(compare(std::move(again), {}, kQuick).results[1].scores, there.results[1].scores);
+}
+
+TEST_F(Recorded, RulesThatForbidAComparisonAreKept) {
+    folders_.run("runs/f", "sac", "Boxing", 1, {1}, "env: {action_space: continuous, difficulty: 1}\n");
+    FoundRuns again;
+    const auto csv = table();
+    again.runs = read_recorded_runs(csv, recorded_groups(csv));
+    const auto comparison = compare(std::move(again), {}, kQuick);
+    ASSERT_THAT(comparison.left_out_games, testing::SizeIs(testing::Ge(1U)));
+    EXPECT_EQ(comparison.left_out_games.front().what, "Boxing");
+    EXPECT_THAT(comparison.left_out_games.front().why, HasSubstr("env.difficulty is set"));
+}
+
+TEST_F(Recorded, ARunOfAFewStepsIsReadAgain) {
+    folders_.run("few/a", "sac", "Pong", 1, {1}, "train: {total_steps: 3}\n");
+    const auto text =
+        recorded_runs_csv(compare(find_runs({folders_.path() / "few"}, ScoreKind::training), {}, kQuick));
+    EXPECT_EQ(read_recorded_runs(folders_.write("few.csv", text), {"sac"}).size(), 1U);
 }
 
 TEST_F(Recorded, ComparesAsTheRunsDid) {
@@ -133,7 +164,13 @@ TEST_F(Recorded, GroupsCanBeGivenNames) {
     EXPECT_THAT(error_of([&] { compare(found(), {}, config); }),
                 HasSubstr("--name ppo=PPO: no group is called ppo; there are der; sac"));
     config.names = {{"sac", "der"}};
-    EXPECT_THAT(error_of([&] { compare(found(), {}, config); }), HasSubstr("two groups would be called der"));
+    EXPECT_THAT(error_of([&] { compare(found(), {}, config); }),
+                HasSubstr("two groups are called der: give one of them another name by --name 'der=NAME'"));
+    // A recorded group of the same name.
+    auto both = found();
+    std::ranges::move(read_recorded_runs(table(), {"der"}), std::back_inserter(both.runs));
+    config.names = {{"der", "mine"}};
+    EXPECT_THAT(labels_of(compare(std::move(both), {}, config)), ElementsAre("der", "mine", "sac"));
 }
 
 TEST_F(Recorded, SaysWhatIsWrongWithATable) {
@@ -141,14 +178,14 @@ TEST_F(Recorded, SaysWhatIsWrongWithATable) {
         const auto csv = folders_.write("bad.csv", text);
         return error_of([&] { read_recorded_runs(csv, {"a"}); });
     };
-    const std::string header = "group,agent,game,seed,step,score\n";
+    const std::string header = "group,run,agent,game,seed,step,score,total_steps\n";
     EXPECT_THAT(read("game,random\n"),
                 HasSubstr("has no column 'group', so it is no table of recorded runs"));
-    EXPECT_THAT(read(header + "a,sac,Pong,x,1,2\n"), HasSubstr("bad.csv:2: the seed 'x' is no number"));
-    EXPECT_THAT(read(header + "a,sac,Pong,1,20,2\na,sac,Pong,1,10,2\n"),
+    EXPECT_THAT(read(header + "a,1,sac,Pong,x,1,2,9\n"), HasSubstr("bad.csv:2: the seed 'x' is no number"));
+    EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,90\na,1,sac,Pong,1,10,2,90\n"),
                 HasSubstr("bad.csv:3: the steps of a run"));
-    EXPECT_THAT(read(header + "a,sac,Pnog,1,20,2\n"), HasSubstr("there is no game 'Pnog'"));
-    EXPECT_THAT(read(header + "a,sac,Pong,1,20"), HasSubstr("in the middle of line 2"));
+    EXPECT_THAT(read(header + "a,1,sac,Pnog,1,20,2,90\n"), HasSubstr("there is no game 'Pnog'"));
+    EXPECT_THAT(read(header + "a,1,sac,Pong,1,20"), HasSubstr("in the middle of line 2"));
 }
 
 }  // namespace

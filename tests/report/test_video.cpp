@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <opencv2/videoio.hpp>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -195,6 +196,18 @@ TEST(SceneOfAFilm, OfADiscreteAgentFollowsTheEvent) {
 TEST(SceneOfAFilm, RefusesPicturesOfTheWrongSize) {
     Pictures pictures;
     pictures.scene.screen_height = 250;
+    EXPECT_THROW(compose_frame(pictures.scene), std::invalid_argument);
+}
+
+TEST(SceneOfAFilm, ShowsTheMemoryWithoutTheJoystickThatIsSeenBesideIt) {
+    Pictures pictures;
+    std::vector<std::uint8_t> memory(kRamSize + 18, 99);
+    pictures.scene.observation = std::span(memory).first(kRamSize);
+    const auto alone = compose_frame(pictures.scene);
+    EXPECT_GT(count_colour(alone, 99, 99, 99), 9 * 84 * 80);
+    pictures.scene.observation = memory;
+    EXPECT_EQ(compose_frame(pictures.scene).rgb, alone.rgb);
+    pictures.scene.observation = std::span(memory).first(kRamSize - 1);
     EXPECT_THROW(compose_frame(pictures.scene), std::invalid_argument);
 }
 

@@ -81,6 +81,23 @@ TEST(SearchSpace, DrawsEvenly) {
     for (const auto& [integer, count] : integers) EXPECT_NEAR(count, 500, 90) << integer;
 }
 
+TEST(SearchSpace, NumbersHaveAsManyDigitsAsTheirRangeNeedsAndLieInIt) {
+    const std::vector<NumberRange> ranges{{.low = 0.9995, .high = 0.9999},
+                                          {.low = 100.1, .high = 100.4},
+                                          {.low = -1, .high = -0.99},
+                                          {.low = 0, .high = 1e-3},
+                                          {.low = 1e-5, .high = 1.234567e-3, .logarithmic = true}};
+    for (const auto& range : ranges) {
+        const auto samples = draw_samples(space_of(50, {{"a.b", range}}));
+        for (const auto& sample : samples) {
+            const auto value = number_in<double>(sample[0].value);
+            ASSERT_TRUE(value && *value >= range.low && *value <= range.high) << sample[0].value;
+        }
+    }
+    EXPECT_THAT(draw_samples(space_of(1, {{"a.b", NumberRange{.low = 1e-5, .high = 1}}}))[0][0].value.size(),
+                testing::Le(6U));
+}
+
 TEST(SearchSpace, MoreSamplesOrSettingsChangeNoneOfThoseBefore) {
     const SearchedSetting rate{"agent.rate", NumberRange{.low = 1e-5, .high = 1e-2, .logarithmic = true}};
     const auto few = draw_samples(space_of(4, {rate}));
@@ -163,16 +180,25 @@ class HalvingSearch : public testing::Test {
         }
     }
 
+    Search what(SearchMethod method = SearchMethod::halving) {
+        return {.sweep = sweep_,
+                .runs = runs_,
+                .method = method,
+                .folder = folder_.path(),
+                .train = [&](std::span<const PlannedRun> runs) { return train(runs); }};
+    }
     int search(SearchMethod method = SearchMethod::halving) {
         trained_.clear();
         const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(std::fopen((folder_ / "said").c_str(), "w"),
                                                                   &std::fclose);
-        return run_search({.sweep = sweep_,
-                           .runs = runs_,
-                           .method = method,
-                           .folder = folder_.path(),
-                           .train = [&](std::span<const PlannedRun> runs) { return train(runs); }},
-                          out.get());
+        return run_search(what(method), out.get());
+    }
+    /// The steps and samples that would be trained next.
+    std::string next() {
+        std::set<std::int64_t> samples;
+        const auto runs = next_runs(what());
+        for (const auto& planned : runs) samples.insert(planned.run.sample);
+        return runs.empty() ? "" : fmt::format("{}: {}", runs.front().total_steps, fmt::join(samples, " "));
     }
 
     int train(std::span<const PlannedRun> runs) {
@@ -186,10 +212,13 @@ class HalvingSearch : public testing::Test {
             if (planned.run.sample == fails_) continue;
             std::string episodes = "#{}\nr,global_step\n";
             for (int step = 25; step <= planned.total_steps; step += 25)
-                episodes += fmt::format("{},{}\n", planned.run.sample * (step > 100 ? 10 : -10), step);
+                episodes +=
+                    fmt::format("{},{}\n", equal_ ? 1 : planned.run.sample * (step > 100 ? 10 : -10), step);
             folder_.write(name + "/episodes.csv", episodes);
             fs::create_directories(folder_ / name /
                                    fmt::format("checkpoints/step_{:09}", planned.total_steps));
+            if (planned.evaluates)
+                folder_.write(name + fmt::format("/eval/step_{:09}.csv", planned.total_steps), "");
             folder_.write(name + "/config.yaml", "");
         }
         trained_.push_back(fmt::format("{}: {}", runs.front().total_steps, fmt::join(samples, " ")));
@@ -202,6 +231,7 @@ class HalvingSearch : public testing::Test {
     std::vector<std::string> trained_;
     std::ptrdiff_t stops_before_ = -1;
     std::int64_t fails_ = 0;
+    bool equal_ = false;
 };
 
 TEST_F(HalvingSearch, TheBetterHalfGoesOn) {
@@ -235,13 +265,38 @@ TEST_F(HalvingSearch, GoesOnAfterAnInterruptionWithTheSameResult) {
     ASSERT_EQ(search(), 0);
     const auto table = folder_.read("search.csv"), best = folder_.read("search_best.yaml");
     fs::remove(folder_ / "search_best.yaml");
+    for (const auto& planned : runs_) fs::remove_all(folder_ / planned.run.name);
+    EXPECT_EQ(next(), "100: 1 2 3 4 5");
     stops_before_ = 2;
     EXPECT_EQ(search(), 130);
+    EXPECT_EQ(next(), "400: 2 3");
     EXPECT_FALSE(fs::exists(folder_ / "search_best.yaml"));
     stops_before_ = -1;
     EXPECT_EQ(search(), 0);
     EXPECT_EQ(folder_.read("search.csv"), table);
     EXPECT_EQ(folder_.read("search_best.yaml"), best);
+    EXPECT_EQ(next(), "");
+}
+
+TEST_F(HalvingSearch, SaysWhereTheScoresDoNotDecide) {
+    equal_ = true;
+    ASSERT_EQ(search(), 0);
+    EXPECT_THAT(folder_.read("said"),
+                HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the "
+                          "smaller number went on"));
+}
+
+TEST_F(HalvingSearch, TheBestSettingsComeWithThoseThatAllRunsHave) {
+    for (auto& planned : runs_) {
+        planned.run.settings.insert(
+            planned.run.settings.begin(),
+            {{"env.obs", "ram"}, {"train.seed", "1"}, {"env.game", planned.run.game}});
+    }
+    runs_.front().run.settings.push_back({"log.every", "7"});  // of one run only
+    ASSERT_EQ(search(), 0);
+    const auto best = folder_.read("search_best.yaml");
+    EXPECT_THAT(best, HasSubstr("agent:\n  rate: "));
+    EXPECT_THAT(best, testing::EndsWith("env:\n  obs: ram\n"));
 }
 
 TEST_F(HalvingSearch, AllSamplesOfARandomSearchAreTrainedToTheEnd) {
@@ -258,6 +313,23 @@ TEST_F(HalvingSearch, ARunThatFailedIsTheWorst) {
     EXPECT_THAT(trained_, ElementsAre("50: 1 2 3 4 5", "100: 2 3 4", "200: 2 3", "400: 3"));
     EXPECT_THAT(folder_.read("search.csv"),
                 HasSubstr(fmt::format("1,50,5.000,{},,\n", sweep_.samples[0][0].value)));
+}
+
+TEST_F(HalvingSearch, RunsThatWouldNotGoOnAsTheyWereAreNotPaused) {
+    for (auto& planned : runs_) planned.run.settings.push_back({"train.save_replay", "false"});
+    EXPECT_THAT(
+        test::error_of<ConfigError>([&] { search(); }),
+        HasSubstr("mine: with train.save_replay=false a run that pauses does not go on as if it had not"));
+    EXPECT_EQ(search(SearchMethod::random), 0);
+}
+
+TEST_F(HalvingSearch, NothingIsTrainedWhereARunHasOtherSettings) {
+    const auto& run = runs_.front().run;
+    folder_.write(run.name + "/config.yaml", "agent: {rate: 7}\n");
+    fs::create_directories(folder_ / run.name / "checkpoints/step_000000100");
+    EXPECT_EQ(search(), 1);
+    EXPECT_THAT(trained_, IsEmpty());
+    EXPECT_THAT(folder_.read("said"), HasSubstr("# refused: " + run.name + ": trained with other settings"));
 }
 
 TEST_F(HalvingSearch, RunsOfDifferentLengthsAreNotCompared) {

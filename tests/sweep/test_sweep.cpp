@@ -109,9 +109,15 @@ TEST_F(SweepCommand, ASearchIsTrainedAndCompared) {
     EXPECT_EQ(code_, 0);
     EXPECT_TRUE(fs::exists(fake_.sweep() / "Pong__fake__sample=2__1"));
     EXPECT_TRUE(fs::exists(fake_.sweep() / "search_best.yaml"));
-    options_.overrides = {"agent.rate=2,3,4"};
-    EXPECT_EQ(answer(), "");
+    options_.overrides = {"agent.rate=7,8,9"};
+    EXPECT_THAT(answer(),
+                HasSubstr("# refused: Pong__fake__sample=1__1: trained with other settings: agent.rate was"));
     EXPECT_EQ(code_, 1) << "the folder has runs of other samples";
+    options_.task = SweepTask::show_status;
+    options_.search = SearchMethod::none;
+    EXPECT_THAT(answer(), HasSubstr("2 runs: 2 refused")) << "no method is needed to see how they stand";
+    options_.task = SweepTask::train;
+    options_.search = SearchMethod::random;
 
     options_.file = fake_.path() / "mine.yaml";
     EXPECT_THAT(refusal(), HasSubstr("mine.yaml has no 'search:'"));
@@ -257,6 +263,50 @@ TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
                                   "Pong__sac__encoder=phi_dqn__exploration=epsilon_greedy__1"}) {
         EXPECT_TRUE(results_of(folder / "killed" / run) == results_of(folder / "whole" / run)) << run;
     }
+}
+
+TEST(SearchSlow, TheRunThatGoesOnIsTheOneThatWasNeverPaused) {
+    const test::TemporaryFolder folder;
+    const auto file =
+        folder.write("searched.yaml",
+                     "agent: sac\n"
+                     "set:\n"
+                     "  env.obs: ram\n"
+                     "  env.observe_joystick: true\n"
+                     "  env.action_latency: 0-8\n"
+                     "  env.max_frames_per_episode: 80\n"
+                     "  agent.encoder: mlp\n"
+                     "  agent.batch_size: 4\n"
+                     "  agent.min_replay: 20\n"
+                     "  agent.replay_capacity: 1_000\n"
+                     "  train.total_steps: 120\n"
+                     "  eval.episodes: 1\n"
+                     "grid: {train.seed: 1, env.game: pong}\n"
+                     "search:\n"
+                     "  samples: 3\n"
+                     "  first_steps: 40\n"
+                     "  settings: {agent.hidden_units: 8..32, agent.learning_rate: log 1e-4..1e-2}\n");
+    const auto search = [&](const std::string& method) {
+        return answer_of(fmt::format("{}/cale sweep {} --search {} --dir {} --jobs 2 2>{}", CALE_BINARY_DIR,
+                                     file.string(), method, (folder / method).string(),
+                                     (folder / "said").string()));
+    };
+    const auto halving = search("halving");
+    ASSERT_EQ(halving.status, 0) << folder.read("said");
+    EXPECT_THAT(halving.text, HasSubstr("Agent step 40: the better 2 of 3 samples go on.\n"));
+    EXPECT_THAT(halving.text, HasSubstr("Agent step 80: the better 1 of 2 samples go on.\n"));
+    ASSERT_EQ(search("random").status, 0) << folder.read("said");
+    const auto best = folder.read("halving/search_best.yaml");
+    const auto run = fmt::format("Pong__sac__sample={}__1", best.substr(std::string("# Sample ").size(), 1));
+    EXPECT_TRUE(results_of(folder / "halving" / run) == results_of(folder / "random" / run)) << run;
+    EXPECT_TRUE(fs::exists(folder / "random" / run / "videos/step_000000120.mp4"))
+        << "the joystick's bytes are no picture";
+    EXPECT_EQ(
+        answer_of(fmt::format("{}/train_sac --config {} --print-config >{}", CALE_BINARY_DIR,
+                              (folder / "halving/search_best.yaml").string(), (folder / "printed").string()))
+            .status,
+        0);
+    EXPECT_THAT(folder.read("printed"), HasSubstr("observe_joystick: true\n"));
 }
 
 }  // namespace

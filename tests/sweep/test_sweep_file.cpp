@@ -171,6 +171,10 @@ TEST_F(SweepFile, ASearchTrainsEverySampleInEveryCombination) {
                                    "Pong__sac__sample=1__2", "Pong__sac__sample=2__2"));
     EXPECT_EQ(sweep.runs[0].combination, "Pong__sac__1");
     for (const auto& run : read(text, {"agent.rate=0.5"}).runs) EXPECT_EQ(value_of(run, "agent.rate"), "0.5");
+    for (const auto& run : read(text, {"agent.rate=0.5..0.6"}).runs)
+        EXPECT_THAT(value_of(run, "agent.rate"), testing::StartsWith("0.5"));
+    EXPECT_EQ(read(text, {"agent.rate=log 1..8"}).samples.size(), 2U);
+    EXPECT_THAT(mistake(text, {"agent.rate=3..1"}), HasSubstr("agent.rate=3..1: the range 3..1 is empty"));
     EXPECT_EQ(read(small_).search, std::nullopt);
 }
 
