@@ -119,8 +119,7 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
     if (go_on > 0 && go_on < samples.size() && samples[go_on - 1].rank == samples[go_on].rank)
         fmt::print(out,
                    "Their ranks do not tell samples {} and {} apart, so the one of the smaller number went "
-                   "on; with a "
-                   "larger first_steps in 'search:' more games end before.\n",
+                   "on; with a larger first_steps in 'search:' more games end before.\n",
                    samples[go_on - 1].sample, samples[go_on].sample);
 }
 
@@ -212,16 +211,16 @@ void rank(std::vector<SampleScore>& samples) {
         return a && (!b || *a > *b);
     };
     for (auto& sample : samples) {
-        sample.rank = 0;
+        double places = 0;  // a sum of halves, which is exact
         for (const auto& [combination, score] : sample.scores) {
+            places += 0.5;
             // Half a place for each of those with an equal score, of which the sample itself is one.
-            double place = 0.5;
             for (const auto& other : samples) {
                 const auto& theirs = other.scores.at(combination);
-                place += beats(theirs, score) ? 1 : beats(score, theirs) ? 0 : 0.5;
+                places += beats(theirs, score) ? 1 : beats(score, theirs) ? 0 : 0.5;
             }
-            sample.rank += place / static_cast<double>(sample.scores.size());
         }
+        sample.rank = places / static_cast<double>(sample.scores.size());
     }
     std::ranges::stable_sort(samples, {},
                              [](const auto& sample) { return std::pair(sample.rank, sample.sample); });
