@@ -20,6 +20,10 @@ AGENTS = {
     "der__action_latency=0__config=ram100k_joystick": "no latency",
     "der__action_latency=4__config=ram100k_joystick": "latency 4",
     "der__action_latency=0-8__config=ram100k_joystick": "latency 0-8",
+    "der__action_latency=4__config=ram100k_joystick__observe_joystick=true": "latency 4, joystick seen",
+    "der__action_latency=0-8__config=ram100k_joystick__observe_joystick=true": "latency 0-8, joystick seen",
+    "sac__config=ram100k_plus__paddle=joystick": "SAC plus",
+    "der__config=ram100k_joystick__action_space=minimal__joystick=polar": "Rainbow, the game's own actions",
     "der__config=joystick100k": "joystick Rainbow",
     "der__config=atari100k__encoder=data_efficient__action_space=full": "DER, 18 actions",
 }
