@@ -212,7 +212,6 @@ void add_report(CLI::App& app) {
                                       "of the baselines file; cale: "
                                       "the runs of cale's own results, or groups of them by name")
                           ->type_name("NAMES")
-                          ->delimiter(',')
                           ->allow_extra_args(false);
     command
         .add_option(

@@ -23,7 +23,7 @@ AGENTS = {
     "der__action_latency=4__config=ram100k_joystick__observe_joystick=true": "latency 4; sees the joystick",
     "der__action_latency=0-8__config=ram100k_joystick__observe_joystick=true": "latency 0-8; sees the joystick",
     "sac__config=ram100k_plus__paddle=joystick": "SAC plus",
-    "der__config=ram100k_joystick__action_space=minimal__joystick=polar": "Rainbow, the game's own actions",
+    "der__config=ram100k_joystick__action_space=minimal__joystick=polar": "Rainbow on the game's own actions",
     "der__config=joystick100k": "joystick Rainbow",
     "der__config=atari100k__encoder=data_efficient__action_space=full": "DER, 18 actions",
 }
