@@ -184,8 +184,7 @@ ObservationSpace observation_space(const EnvConfig& config) {
     if (config.observe_joystick) {
         throw std::invalid_argument(
             "env.observe_joystick is for observations of the memory: set env.obs to ram (agent.encoder mlp "
-            "or "
-            "flat), or leave it out");
+            "or flat), or leave it out");
     }
     return {.stack = config.frame_stack, .shape = {kFrameHeight, kFrameWidth}};
 }
@@ -258,7 +257,6 @@ struct Env::Impl {
 
     void start_game() {
         held = ContinuousAction{};
-        told = {};
         seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
         frames.start(emulator.screen());
@@ -364,9 +362,9 @@ struct Env::Impl {
         return advance([&] {
             if (const auto action = next_action()) {
                 held = *action;
-                told = stick_of(held);
-                validate(told);
-                if (moving_stick) moving_stick->command(told, motion_generator);
+                const auto command = stick_of(held);
+                validate(command);
+                if (moving_stick) moving_stick->command(command, motion_generator);
             }
             if (!moving_stick)
                 return std::visit([this](const auto& action) { return push_of(action); }, held);
@@ -412,9 +410,10 @@ struct Env::Impl {
         }
         std::ranges::copy(visible(), observation.begin());
         if (!config.observe_joystick) return;
+        const auto command = stick_of(held);
         write_joystick_log(
-            {.told = told,
-             .position = moving_stick ? moving_stick->position() : position_of(told),
+            {.command = command,
+             .position = moving_stick ? moving_stick->position() : position_of(command),
              .events = std::span(step.frame_events).first(static_cast<std::size_t>(step.frames))},
             observation.subspan(kRamSize));
     }
@@ -445,15 +444,16 @@ struct Env::Impl {
     }
 
     StepResult step(const ContinuousAction& action) {
-        told = action;
+        held = action;
         if (!records_commands()) return step(push_of(action));
         const auto result = moving_stick ? advance(action) : advance([&] { return push_of(action); });
         record.commands.push_back(action);
         return result;
     }
     StepResult step(Event event) {
-        told = event_stick(event);
-        return moving_stick ? step(told) : step(push_of(event));
+        if (moving_stick) return step(event_stick(event));
+        held = event;
+        return step(push_of(event));
     }
     StepResult step(const Push& push) {
         const auto result = advance([&push] { return push; });
@@ -498,8 +498,7 @@ struct Env::Impl {
     std::mt19937 noop_generator;
     std::mt19937 motion_generator;  // latencies, the noise of commands, and where a placed paddle sticks
     std::optional<MovingStick> moving_stick;
-    FrameAction held;                // by a console that does not wait
-    ContinuousAction told;           // the joystick of the newest action
+    FrameAction held;                // the newest action, which a console that does not wait keeps
     Push seen_paddle;                // by the console in the last frame, where the action places the paddle
     std::vector<std::uint8_t> seen;  // where the agent sees late
     DelayLine<std::vector<std::uint8_t>> delay;

@@ -83,10 +83,9 @@ void fields(EnvConfig& config, Visit&& visit) {
           "threads that step them; 0: as many as there are cores");
     visit("obs", config.obs,
           "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes (encoder mlp or flat)");
-    visit(
-        "observe_joystick", config.observe_joystick,
-        "an observation of the memory also has what the joystick was told, where it is, and what the console "
-        "saw of it in each frame");
+    visit("observe_joystick", config.observe_joystick,
+          "with obs ram an observation also has the joystick's command, its position, and the event that the "
+          "console saw in each frame");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
     visit(

@@ -26,7 +26,7 @@ void write_joystick_log(const JoystickLog& log, std::span<std::uint8_t> bytes) {
     const auto write = [&](const StickPosition& position) {
         next = std::ranges::copy(bytes_of(position), next).out;
     };
-    write(position_of(log.told));
+    write(position_of(log.command));
     write(log.position);
     for (std::size_t frame = 0; next != bytes.end(); ++frame) {
         const auto event = frame < log.events.size() ? static_cast<Event>(log.events[frame]) : Event::noop;

@@ -244,10 +244,6 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
 }
 
-bool is_recorded(const Group& group) {
-    return !group.runs.front().recorded_as.empty();
-}
-
 /// Recorded groups that lack a game which all others have: they are beside those, and must not take games
 /// from the comparison.
 void leave_out_recorded(Comparison& comparison) {

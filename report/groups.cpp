@@ -22,9 +22,7 @@ std::string_view short_name(std::string_view key) {
 }
 
 std::string value_of(const Run& run, const std::string& key) {
-    if (key == "agent") return run.agent;
-    const auto found = run.settings.find(key);
-    return found == run.settings.end() ? std::string() : found->second;
+    return key == "agent" ? run.agent : setting_of(run, key);
 }
 
 std::set<std::string> keys_of(const Runs& runs) {
@@ -165,6 +163,10 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
     return sorted;
 }
 
+bool is_recorded(const Group& group) {
+    return !group.runs.front().recorded_as.empty();
+}
+
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names) {
     std::set<std::string> labels;
     for (const auto& group : groups) labels.insert(group.label);
@@ -173,14 +175,13 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
         throw std::invalid_argument(fmt::format("--name {}={}: no group is called {}; there are {}", label,
                                                 name, label, fmt::join(labels, "; ")));
     }
-    const auto recorded = [](const Group& group) { return !group.runs.front().recorded_as.empty(); };
     std::set<std::string> own, taken;
     for (const auto& group : groups)
-        if (!recorded(group)) own.insert(group.label);
+        if (!is_recorded(group)) own.insert(group.label);
     for (auto& group : groups) {
         const auto name = names.find(group.label);
         // Where a recorded group is called like one of the user's, that one is meant.
-        if (name != names.end() && !(recorded(group) && own.contains(group.label)))
+        if (name != names.end() && !(is_recorded(group) && own.contains(group.label)))
             group.label = name->second;
         if (!taken.insert(group.label).second)
             throw std::invalid_argument(

@@ -22,6 +22,9 @@ struct Group {
 /// differs. Throws std::invalid_argument for a key that no run has, naming those in which the runs differ.
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
 
+/// Returns whether the group's runs are rows of a table (recorded_runs.h).
+bool is_recorded(const Group& group);
+
 /// Gives groups the names to which `names` maps their labels, and sorts them anew. Throws
 /// std::invalid_argument for a label that no group has, naming those that there are, and where two groups
 /// then have the same name. Where a recorded group has the label of one of the user's, the latter is meant.

@@ -33,11 +33,6 @@ std::set<std::string> rules_of(const Comparison& comparison) {
     return keys;
 }
 
-std::string setting_of(const Run& run, const std::string& key) {
-    const auto found = run.settings.find(key);
-    return found == run.settings.end() ? std::string() : found->second;
-}
-
 std::vector<double> recorded_steps(const Run& run) {
     const double all = run.total_steps > 0 ? run.total_steps : run.steps.back();
     const double end = run.finished ? std::max(all, run.reached) : run.reached;

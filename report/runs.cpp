@@ -520,6 +520,11 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 
 }  // namespace
 
+std::string setting_of(const Run& run, const std::string& key) {
+    const auto found = run.settings.find(key);
+    return found == run.settings.end() ? std::string() : found->second;
+}
+
 std::optional<double> score_at(const Run& run, double step) {
     const auto next = std::ranges::upper_bound(run.steps, step);
     if (next == run.steps.begin()) return std::nullopt;

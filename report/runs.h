@@ -79,6 +79,9 @@ struct FoundRuns {
     std::vector<std::string> missing{};  // folders that a sweep lists (kSweepList) and that hold no run
 };
 
+/// Returns the value of a setting; empty where the run has none.
+std::string setting_of(const Run& run, const std::string& key);
+
 /// Returns what Run::score() was after that many agent steps; none before the run's first score.
 std::optional<double> score_at(const Run& run, double step);
 

@@ -460,13 +460,14 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
                             file.string(), run.name));
         }
     };
-    for (const auto& varying : combinations(contents.grid, contents.variants)) {
+    const auto all = combinations(contents.grid, contents.variants);
+    if (all.size() * std::max<std::size_t>(1, sweep.samples.size()) > kMostRuns)
+        throw ConfigError(fmt::format("{}: more than {} runs", file.string(), kMostRuns));
+    for (const auto& varying : all) {
         if (!contents.search) add(maker.make(varying, 0, {}));
         for (std::size_t i = 0; i < sweep.samples.size(); ++i)
             add(maker.make(varying, static_cast<std::int64_t>(i) + 1, sweep.samples[i]));
     }
-    if (sweep.runs.size() > kMostRuns)
-        throw ConfigError(fmt::format("{}: more than {} runs", file.string(), kMostRuns));
     return sweep;
 }
 

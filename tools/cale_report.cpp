@@ -209,8 +209,8 @@ void add_report(CLI::App& app) {
     auto* baselines = command
                           .add_option("--baselines", options->baselines,
                                       "what to draw beside, with commas: published scores, by their columns "
-                                      "of the baselines file; cale: "
-                                      "the runs of cale's own results, or groups of them by name")
+                                      "of the baselines file; cale: the runs of cale's own results, or "
+                                      "groups of them by name")
                           ->type_name("NAMES")
                           ->allow_extra_args(false);
     command

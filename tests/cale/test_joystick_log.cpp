@@ -42,7 +42,8 @@ TEST(JoystickLog, HasWhatWasToldWhereTheStickIsAndTheEventsOfTheFrames) {
                                                 std::uint8_t(Event::down)};
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(cale::joystick_log_size(4)));
     cale::write_joystick_log(
-        {.told = {1, kPi, 0.5F}, .position = {.x = 0.2, .y = -1, .button = 0.25}, .events = events}, bytes);
+        {.command = {1, kPi, 0.5F}, .position = {.x = 0.2, .y = -1, .button = 0.25}, .events = events},
+        bytes);
     EXPECT_THAT(bytes, ElementsAre(1, 128, 128,    // LEFT, the button half down
                                    153, 1, 64,     // (0.2, -1)
                                    128, 128, 0,    // NOOP
