@@ -1,5 +1,5 @@
 // Search for settings: sets of them are drawn at random (Bergstra & Bengio 2012), and either all are trained
-// to the end, or again and again the better half goes on twice as far (successive halving: Jamieson &
+// to the end, or again and again the better half is trained twice as far (successive halving: Jamieson &
 // Talwalkar 2016).
 #pragma once
 
@@ -65,7 +65,7 @@ std::vector<PlannedRun> next_runs(const Search& search);
 /// Trains the samples, prints how they compare to `out`, and leaves search.csv, with every sample, and
 /// search_best.yaml, the settings of the best one for --config, in the folder. Returns the exit code: 0 done,
 /// 1 some runs failed, which counts as the worst score, or are refused, and then nothing is trained, 130
-/// interrupted; the same call then goes on. Throws as check_search() does.
+/// interrupted; the same call then continues. Throws as check_search() does.
 int run_search(const Search& search, std::FILE* out);
 
 }  // namespace cale

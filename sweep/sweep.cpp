@@ -178,7 +178,7 @@ void check_method(const SweepOptions& options, const Sweep& sweep) {
     if (sweep.search && options.search == SearchMethod::none && options.task != SweepTask::show_status) {
         throw ConfigError(fmt::format(
             "{} has 'search:', so say --search random, which trains every sample to the end, or --search "
-            "halving, with which the better half goes on again and again",
+            "halving, which trains the better half twice as far, again and again",
             file));
     }
     if (!sweep.search && options.search != SearchMethod::none) {
@@ -189,9 +189,9 @@ void check_method(const SweepOptions& options, const Sweep& sweep) {
     if (options.search != SearchMethod::halving) return;
     if (options.launcher == Launcher::slurm)
         throw ConfigError(
-            "--search halving compares runs as they go, on this machine: leave --launcher slurm out, or say "
-            "--search "
-            "random");
+            "--search halving compares runs while they train, on this machine: leave --launcher slurm out, "
+            "or "
+            "say --search random");
     if (!options.only.empty())
         throw ConfigError("--search halving compares all runs: leave --only out, or say --search random");
 }

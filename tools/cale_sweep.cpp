@@ -99,7 +99,7 @@ void add_sweep(CLI::App& app, int& exit_code) {
         .add_option(
             "--search", arguments->search,
             "how to search the settings of the file's 'search:'; random: every sample is trained to the end; "
-            "halving: the better half goes on twice as far, again and again")
+            "halving: the better half is trained twice as far, again and again")
         ->transform(one_of({"random", "halving"}))
         ->default_str("")
         ->type_name("METHOD");
