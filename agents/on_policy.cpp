@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <future>
 #include <map>
 #include <stdexcept>
 #include <utility>
@@ -116,22 +117,28 @@ class OnPolicy final : public Agent {
           processes_(group_of(spec.processes)),
           share_(spec),
           state_(initial_state(settings, spec)),
+          acting_(spec.overlap ? initial_state(settings, spec).network : state_.network),
           box_(action_box(spec.action_space)),
           rollout_(empty_rollout()),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           shuffling_random_(make_generator(stream_seed(spec.seed, kShuffling))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))),
-          // A message to other processes cannot be part of a recording.
-          gradient_step_(processes_.single() ? spec.device : torch::Device(torch::kCPU), {}) {}
+          // A message to other processes cannot be part of a recording, nor may anything run beside one.
+          gradient_step_(processes_.single() && !spec.overlap ? spec.device : torch::Device(torch::kCPU), {}),
+          newest_{{"charts/learning_rate", state_.adam.learning_rate()}} {}
 
     torch::Tensor act(const torch::Tensor& seen, ActMode mode) override {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
         auto& random = training ? acting_random_ : evaluation_random_;
         const auto observations = training && repeats() ? repeated_frame_.next(seen) : seen;
-        if (training) rollout_->set_observations(observations);
+        if (training)
+            rollout_->set_observations(observations);
+        else
+            finish_learning();
         // The policy is sampled in evaluation too, as the reference does.
-        const auto policy = state_.network(observations.to(spec_.device)).policy;
+        auto& network = training ? acting_ : state_.network;
+        const auto policy = network(observations.to(spec_.device)).policy;
         const auto share = training ? share_ : EnvShare(observations.size(0));
         auto actions = sampled(policy, share, random);
         if (settings_.exploration == Exploration::standard) return actions;
@@ -150,26 +157,35 @@ class OnPolicy final : public Agent {
 
     bool update(const torch::Tensor& observations) override {
         if (!rollout_->full()) return false;
-        learn(rollout_->next_observation.defined() ? rollout_->next_observation : observations);
+        finish_learning();
+        const auto whole =
+            whole_rollout(rollout_->next_observation.defined() ? rollout_->next_observation : observations);
         rollout_->clear();
         if (repeats()) repeated_frame_.push();
+        if (spec_.overlap) {
+            hard_update(acting_->parameters(), state_.parameters);
+            learning_ = std::async(std::launch::async, [this, whole] { return learn(whole); });
+        } else {
+            newest_ = learn(whole);
+        }
         return true;
     }
 
     std::map<std::string, double> metrics() override {
         auto values = newest_;
-        values["charts/learning_rate"] = state_.adam.learning_rate();
         if (settings_.exploration == Exploration::epsilon_greedy) values["charts/epsilon"] = epsilon();
         return values;
     }
 
     std::optional<AgentPolicy> policy() const override {
         const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
+        if (learning_.valid()) learning_.wait();
         return policy_of_network(state_.network, /*samples=*/true,
                                  uniform ? settings_.epsilon.epsilon_eval : 0);
     }
 
     TensorMap state() override {
+        finish_learning();
         auto state = saved(parts());
         add_part(state, "rollout/", joined_rollouts(processes_.gather(rollout_->state())));
         if (repeats()) add_part(state, "repeated_frame/", repeated_frame_.state());
@@ -177,6 +193,7 @@ class OnPolicy final : public Agent {
     }
 
     void load_state(const TensorMap& state) override {
+        finish_learning();
         auto rollout = empty_rollout();  // so that nothing has changed if a part is missing
         rollout->restore(share_of_rollout(part_of(state, "rollout/"), share_));
         auto repeated_frame = repeated_frame_;
@@ -188,11 +205,16 @@ class OnPolicy final : public Agent {
         }
         rollout_ = std::move(rollout);
         repeated_frame_ = std::move(repeated_frame);
-        newest_.clear();
+        newest_ = {{"charts/learning_rate", state_.adam.learning_rate()}};
         gradient_step_.forget();
     }
 
   private:
+    /// Waits for the gradient steps on the rollout before, if they are under way. Throws what they threw.
+    void finish_learning() {
+        if (learning_.valid()) newest_ = learning_.get();
+    }
+
     std::unique_ptr<Rollout> empty_rollout() const {
         const RolloutConfig config{.length = settings_.rollout_steps / share_.all,
                                    .num_envs = spec_.num_envs,
@@ -224,22 +246,27 @@ class OnPolicy final : public Agent {
     }
 
     torch::Tensor values(const torch::Tensor& observations) {
-        return state_.network(observations.to(spec_.device)).value;
+        return acting_(observations.to(spec_.device)).value;
     }
 
-    /// The rollout as one batch of T x N steps, with everything that is fixed before the update.
+    /// The rollout as one batch of T x N steps, with everything that is fixed before the update, by the
+    /// network that acted.
     RolloutBatch whole_rollout(const torch::Tensor& next_observations) {
         const torch::NoGradGuard no_grad;
         RolloutBatch whole;
-        whole.observation = rollout_->observation.flatten(0, 1).to(spec_.device);
-        whole.action = rollout_->action.flatten(0, 1).to(spec_.device);
+        const auto steps_of = [&](const torch::Tensor& kept) {
+            const auto steps = kept.flatten(0, 1).to(spec_.device);
+            return spec_.overlap && steps.is_alias_of(kept) ? steps.clone() : steps;
+        };
+        whole.observation = steps_of(rollout_->observation);
+        whole.action = steps_of(rollout_->action);
         std::vector<torch::Tensor> log_probs, old_values;
         for (std::int64_t first = 0; first < whole.observation.size(0); first += settings_.minibatch_size) {
             const auto part = [&](const torch::Tensor& steps) {
                 return steps.slice(0, first, first + settings_.minibatch_size);
             };
-            const auto [policy, value] = state_.network(part(whole.observation));
-            log_probs.push_back(log_prob(policy, part(whole.action), state_.network->box));
+            const auto [policy, value] = acting_(part(whole.observation));
+            log_probs.push_back(log_prob(policy, part(whole.action), acting_->box));
             old_values.push_back(value);
         }
         whole.old_log_prob = torch::cat(log_probs);
@@ -267,8 +294,8 @@ class OnPolicy final : public Agent {
         return order.unsqueeze(1) * size + torch::arange(size);
     }
 
-    void learn(const torch::Tensor& next_observations) {
-        const auto whole = whole_rollout(next_observations);
+    /// Makes all gradient steps on a rollout. Returns what the log shows of them.
+    std::map<std::string, double> learn(const RolloutBatch& whole) {
         const auto contiguous = contiguous_rows();  // drawn for either order: the draws are part of a run
         auto sums = torch::zeros({std::ssize(names_)}, torch::dtype(torch::kFloat32).device(spec_.device));
         for (std::int64_t epoch = 0; epoch < settings_.epochs; ++epoch) {
@@ -282,7 +309,7 @@ class OnPolicy final : public Agent {
             }
         }
         processes_.sum({sums});
-        log(sums / (settings_.epochs * contiguous.size(0)), whole);
+        return figures(sums / (settings_.epochs * contiguous.size(0)), whole);
     }
 
     void take_gradient_step() {
@@ -302,25 +329,28 @@ class OnPolicy final : public Agent {
         }
     }
 
-    void log(const torch::Tensor& mean_losses, const RolloutBatch& whole) {
+    std::map<std::string, double> figures(const torch::Tensor& mean_losses, const RolloutBatch& whole) {
         const auto variance = [&](const torch::Tensor& part) {
             return moments(part, processes_).deviation.square();
         };
         const auto unexplained = variance(whole.returns - whole.old_value) / (variance(whole.returns) + 1e-8);
         const auto numbers = torch::cat({mean_losses, (1 - unexplained).view({1})}).cpu();
+        std::map<std::string, double> figures{{"charts/learning_rate", state_.adam.learning_rate()}};
         std::int64_t i = 0;
-        for (const auto& name : names_) newest_["losses/" + name] = numbers[i++].item<double>();
-        newest_["losses/explained_variance"] = numbers[i].item<double>();
-        if (whole.action.dim() == 1) return;
+        for (const auto& name : names_) figures["losses/" + name] = numbers[i++].item<double>();
+        figures["losses/explained_variance"] = numbers[i].item<double>();
+        if (whole.action.dim() == 1) return figures;
         std::vector<torch::Tensor> coordinates;
         for (const auto& coordinate : whole.action.unbind(1))
             coordinates.push_back(moments(coordinate, processes_).mean);
-        add_mean_action(newest_, spec_.action_space, torch::stack(coordinates));
+        add_mean_action(figures, spec_.action_space, torch::stack(coordinates));
+        return figures;
     }
 
     StateParts parts() {
         StateParts parts;
         parts.add("network/", *state_.network);
+        if (spec_.overlap) parts.add("acting/", *acting_);
         parts.add("adam/", state_.adam.state());
         parts.generators["random/acting"] = &acting_random_;
         parts.generators["random/shuffling"] = &shuffling_random_;
@@ -337,6 +367,7 @@ class OnPolicy final : public Agent {
     ProcessGroup processes_;
     EnvShare share_;
     OnPolicyState state_;
+    PpoNetwork acting_;  // the network of state_; with overlap a copy from before its newest update
     ActionBox box_;
     std::unique_ptr<Rollout> rollout_;
     std::int64_t training_steps_ = 0;
@@ -345,7 +376,10 @@ class OnPolicy final : public Agent {
     CapturedUpdate gradient_step_;
     RolloutBatch minibatch_;
     std::vector<torch::Tensor> newest_losses_;
-    std::map<std::string, double> newest_;  // what the log shows
+    std::map<std::string, double> newest_;  // what the log shows: of the newest update that is over
+    // With overlap the update under way: it alone uses state_, the minibatch and the order of the rows. Last,
+    // so that it ends before they do.
+    std::future<std::map<std::string, double>> learning_;
 };
 
 }  // namespace
@@ -365,10 +399,11 @@ void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
                                     ", which is no multiple of " + name + " = " + std::to_string(of) +
                                     "; change one of the two");
     };
-    if (spec.overlap)
+    if (spec.overlap && spec.processes != nullptr && !spec.processes->single())
         throw std::invalid_argument(
-            "train.overlap, train.realtime: this agent learns only from the steps of its newest policy, so "
-            "its environments cannot step while it learns; set both to false");
+            "train.overlap, train.realtime: an agent with a rollout learns beside its environments in a "
+            "single "
+            "process only; set both to false, or start one process");
     const auto all_envs = EnvShare(spec).all;
     if (settings.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
         throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +
@@ -389,9 +424,9 @@ void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::
     const auto left = memory_beside(
         {parameter_bytes(*network), /*target=*/false, "agent.hidden_units or agent.hidden_layers"}, spec,
         available);
-    // A second time where a checkpoint is written.
-    const auto rollout = 2 * settings.rollout_steps * spec.num_envs / EnvShare(spec).all *
-                         spec.observation.stack * spec.observation.frame_size();
+    // A second time where a checkpoint is written, and with overlap a third, to learn from.
+    const auto rollout = (spec.overlap ? 3 : 2) * settings.rollout_steps * spec.num_envs /
+                         EnvShare(spec).all * spec.observation.stack * spec.observation.frame_size();
     if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
 }
 

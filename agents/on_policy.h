@@ -32,7 +32,7 @@ std::span<const std::string_view> names_of(StackAfterUpdate);
 
 /// The defaults are CALE's for 200 million frames.
 struct OnPolicySettings {
-    static constexpr bool kSeveralProcesses = true;  // see train/program.h
+    static constexpr bool kSeveralProcesses = true, kLearnsBeside = true;  // see train/program.h
 
     NetworkSettings network{.hidden_layers = 2, .hidden_units = 64};
     Torso torso = Torso::two_branch;
@@ -130,7 +130,10 @@ using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, con
 /// Tags beside them: losses/explained_variance, charts/{learning_rate, epsilon, mean_radius, mean_theta,
 /// mean_fire}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
-/// repeated_frame/....
+/// repeated_frame/..., and with AgentSpec::overlap acting/<parameter>.
+/// With AgentSpec::overlap it learns from a rollout on a thread of its own while the next one is filled, and
+/// acts meanwhile with the parameters from before; the ratios are to those. What it computes does not depend
+/// on how long either takes.
 /// Several processes together are equivalent to one with all their environments: all draw the same random
 /// numbers, each uses those of its environments, and every process applies the sum of the gradients. Throws
 /// as check_settings() does.
@@ -139,7 +142,7 @@ std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSp
 
 /// See AgentSpec. Throws std::invalid_argument where rollout_steps is no multiple of the number of
 /// environments, of all processes, or of minibatch_size; for several environments with an option that
-/// requires one; and for environments that step during updates.
+/// requires one; and for several processes whose environments step during updates.
 void check_settings(const OnPolicySettings& settings, const AgentSpec& spec);
 /// See AgentSpec: the learning rate's schedule, unless anneal_steps is set.
 std::string_view schedule_over_run(const OnPolicySettings& settings);

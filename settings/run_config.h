@@ -45,9 +45,10 @@ void fields(TrainConfig& config, Visit&& visit) {
           "written then");
     visit("save_replay", config.save_replay,
           "checkpoints hold the replay; without it a resumed run starts with an empty one");
-    visit("overlap", config.overlap,
-          "the environments step while the agent learns, so that it acts with the parameters from before its "
-          "newest update; false: the paper's strict order");
+    visit(
+        "overlap", config.overlap,
+        "the environments step while the agent learns, so that it acts with the parameters from before its "
+        "newest update, and learns from a rollout while it fills the next; false: the paper's strict order");
     visit("realtime", config.realtime,
           "the game runs at 60 frames a second and waits for nobody: the agent acts on its newest "
           "observation, and "

@@ -98,10 +98,10 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     }
     const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
     const auto env_threads = static_cast<int>(world.threads);
-    // Environments that step while the agent learns keep their cores.
-    return measured_threads(program.settings.train.overlap || program.settings.train.realtime
-                                ? std::max(1, cores - env_threads)
-                                : cores);
+    // Environments that step during an update keep their cores. An agent that learns beside many steps leaves
+    // them time enough on all (docs/performance.md).
+    const bool steps_wait = program.settings.train.overlap || program.settings.train.realtime;
+    return measured_threads(steps_wait && !program.learns_beside ? std::max(1, cores - env_threads) : cores);
 }
 
 /// 1234567 as "1,234,567".
@@ -396,6 +396,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     TrainOptions options;
     options.run_dir = run_dir;
     options.processes = processes;
+    options.learns_beside = program.learns_beside;
     options.resume = line.resume;
     options.until = line.until;
     options.changed = !changes.empty();

@@ -27,7 +27,10 @@ struct TrainingProgram {
     std::function<TrainingWorld()> world;                                // made from the settings
     std::function<AgentSpec()> spec;                                     // made from the settings
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
-    bool several_processes = false;                    // may train one agent together: see ProcessGroup
+    bool several_processes = false;  // may train one agent together: see ProcessGroup
+    /// With train.overlap update() only starts the learning, which goes on beside the decisions that follow:
+    /// it is called before each of them, as without overlap.
+    bool learns_beside = false;
     std::function<std::string()> schedule_over_run{};  // see AgentSpec
     /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
     std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
@@ -42,6 +45,13 @@ int run_program(const TrainingProgram& program, int argc, const char* const* arg
 template <class AgentConfig>
 constexpr bool trains_in_several_processes() {
     if constexpr (requires { AgentConfig::kSeveralProcesses; }) return AgentConfig::kSeveralProcesses;
+    return false;
+}
+
+/// Returns whether an agent learns beside its decisions: its settings declare kLearnsBeside.
+template <class AgentConfig>
+constexpr bool learns_beside_decisions() {
+    if constexpr (requires { AgentConfig::kLearnsBeside; }) return AgentConfig::kLearnsBeside;
     return false;
 }
 
@@ -70,6 +80,7 @@ int run_program(const std::string& agent_name, const std::string& description,
         .spec = [&] { return spec_of(config.env, config.train); },
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
         .several_processes = trains_in_several_processes<AgentConfig>(),
+        .learns_beside = learns_beside_decisions<AgentConfig>(),
         .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
     };
     if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {

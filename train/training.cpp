@@ -52,16 +52,16 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
     std::vector<Episode> ended;
     while (state.step < config.total_steps && !recorder.stop()) {
         const auto before = state.step;
-        const bool late_update = config.overlap || config.realtime;
+        const bool late_update = (config.overlap || config.realtime) && !options.learns_beside;
         if (!late_update) update(agent, collector, time);
         const auto actions = act(agent, collector, time);
         if (config.realtime) collector.announce(actions);
-        // With overlap the environments step on another thread while the agent learns, so that it acts with
-        // the parameters from before its newest update. Of their time only the wait counts. In real time the
-        // game runs by itself: after the update there may be something newer to see than one step later.
-        auto step =
-            std::async(config.overlap && !config.realtime ? std::launch::async : std::launch::deferred,
-                       [&] { collector.step(actions); });
+        // With overlap the environments step on another thread while the agent learns, unless it learns
+        // beside them by itself; so it acts with the parameters from before its newest update. Of their time
+        // only the wait counts. In real time the game runs by itself: after the update there may be something
+        // newer to see than one step later.
+        auto step = std::async(late_update && !config.realtime ? std::launch::async : std::launch::deferred,
+                               [&] { collector.step(actions); });
         if (late_update) update(agent, collector, time);
         {
             const Timed timed(time.environment);

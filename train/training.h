@@ -26,9 +26,10 @@ struct TrainOptions {
     std::int64_t until = 0;                   // agent step at which to pause; 0: none
     bool changed = false;                     // with resume: settings differ from the checkpoint's
     bool progress_bar = true;
-    ProcessGroup processes{};  // that train together; the first one writes the files
-    std::string agent_name;    // "sac", for episodes.csv
-    std::string config;        // all settings as YAML, for the checkpoints
+    bool learns_beside = false;  // see TrainingProgram
+    ProcessGroup processes{};    // that train together; the first one writes the files
+    std::string agent_name;      // "sac", for episodes.csv
+    std::string config;          // all settings as YAML, for the checkpoints
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };
 

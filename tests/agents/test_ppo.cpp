@@ -534,6 +534,67 @@ TEST(Ppo, ContiguousMinibatchesAreStretchesOfTimeAndShuffledOnesAreNot) {
     }
 }
 
+// Beside the environments -------------------------------------------------------------
+
+TEST(Ppo, OverlapActsWithTheParametersFromBeforeTheUpdateThatIsUnderWay) {
+    auto spec = joystick_world(2);
+    spec.overlap = true;
+    Witness w(transparent(), spec);
+    const auto initial = copy_of(w.agents_parameters());
+    const auto acting = [&] { return part_of(w.agent->state(), "acting/"); };
+    expect_equal(acting(), initial);
+
+    // The first rollout is that of the strict order, and teaches the same.
+    const auto once = copy_of(w.learned());
+    Witness strict(transparent(), joystick_world(2));
+    expect_equal(once, strict.learned());
+    expect_equal(acting(), initial);
+
+    // The second one is played by the network that played the first, and its ratios are to that.
+    OnPolicyState learner(w.with(initial), 0, w.config);
+    const auto learn = [&](std::size_t first) {
+        const torch::Tensor observations =
+            torch::cat({w.steps[first].observations, w.steps[first + 1].observations});
+        const auto actions = torch::cat({w.actions[first], w.actions[first + 1]});
+        const auto old = w.network(observations);
+        const auto estimate = generalized_advantages(torch::stack({w.rewards(first), w.rewards(first + 1)}),
+                                                     torch::zeros({2, 2}), old.value.detach().view({2, 2}),
+                                                     w.values(w.steps[first + 2].observations), 0.5, 0.5);
+        ppo_update(learner,
+                   {.observation = observations,
+                    .action = actions,
+                    .old_log_prob = log_prob(old.policy, actions, w.network->box).detach(),
+                    .old_value = old.value.detach(),
+                    .advantage = estimate.advantage.flatten(),
+                    .returns = estimate.returns.flatten()},
+                   w.config);
+    };
+    learn(0);
+    EXPECT_LT(distance(once, parameters_of(*learner.network)), kRounding);
+    for (std::int64_t step = 3; step <= 4; ++step) w.steps.emplace_back(spec, step);
+    for (std::size_t step = 2; step < 4; ++step) {
+        w.actions.push_back(w.agent->act(w.steps[step].observations, ActMode::train));
+        w.agent->observe(w.steps[step].experiences(w.actions.back()));
+    }
+    EXPECT_TRUE(w.agent->update(w.steps[4].observations));
+    learn(2);
+    EXPECT_LT(distance(w.agents_parameters(), parameters_of(*learner.network)), kRounding);
+    expect_equal(acting(), once);
+}
+
+TEST(Ppo, OverlapGoesOnWhereItStopped) {
+    auto spec = joystick_world(2);
+    spec.overlap = true;
+    const auto whole = make_ppo(small_ppo(), spec), first = make_ppo(small_ppo(), spec),
+               rest = make_ppo(small_ppo(), spec);
+    drive(*whole, spec, 0, 22);
+    drive(*first, spec, 0, 9);  // an update is under way
+    rest->load_state(copy_of(first->state()));
+    drive(*rest, spec, 9, 13);
+    expect_equal(rest->state(), whole->state());
+    EXPECT_EQ(rest->metrics(), whole->metrics());
+}
+
 // Bad settings ------------------------------------------------------------------------
 
 TEST(Ppo, ARolloutIsAMultipleOfTheEnvironmentsAndOfTheMinibatch) {
@@ -567,8 +628,11 @@ TEST(Ppo, LearnsWhichActionTheFrameAsksFor) {
 }
 
 TEST(Ppo, LearnsToPushTheJoystickWhereTheFrameSays) {
-    const auto spec = joystick_world(8);
-    EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), 0.8);
+    for (const bool overlap : {false, true}) {
+        auto spec = joystick_world(8);
+        spec.overlap = overlap;
+        EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), 0.8) << overlap;
+    }
 }
 
 }  // namespace

@@ -425,17 +425,6 @@ TEST(ProgramEmulator, ACheckpointsFolderIsNoRunsAndStaysAsItIs) {
     }
 }
 
-TEST(ProgramEmulator, OverlapIsForAgentsWithAReplay) {
-    const TemporaryFolder folder;
-    const auto run = folder.path() / "run";
-    const auto answer = train("ppo", make_ppo, {"--run-dir", run.string(), "train.overlap=true"});
-    EXPECT_EQ(answer.code, 2);
-    EXPECT_THAT(answer.stderr_text,
-                testing::HasSubstr("train.overlap, train.realtime: this agent learns only from"));
-    EXPECT_FALSE(std::filesystem::exists(run));
-    EXPECT_EQ(train_sac(small(run, {"train.overlap=true"})).code, 0);
-}
-
 TEST(ProgramEmulator, ComputesInBf16WhereTheProcessorDoes) {
     const TemporaryFolder folder;
     const auto answer = train_sac(small(folder.path() / "run", {"train.precision=bf16"}));
@@ -536,6 +525,12 @@ std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::ve
     return arguments;
 }
 
+TEST(ProgramEmulator, OverlapIsForEveryAgent) {
+    const TemporaryFolder folder;
+    EXPECT_EQ(train_sac(small(folder.path() / "sac", {"train.overlap=true"})).code, 0);
+    EXPECT_EQ(train("ppo", make_ppo, small_ppo(folder.path() / "ppo", {"train.overlap=true"})).code, 0);
+}
+
 TEST(ProgramEmulator, ARunWhoseScheduleLastsForAllOfItIsLengthenedOnlyWhenToldTo) {
     const TemporaryFolder folder;
     const auto lengthened = [](const std::filesystem::path& run, const std::vector<std::string>& more = {}) {
@@ -594,7 +589,6 @@ TEST(Program, SettingsThatDoNotFitTogetherAreRefusedBeforeTheyArePrinted) {
     for (const auto& [settings, sentence] : std::vector<std::pair<std::vector<std::string>, std::string>>{
              {{"agent.minibatch_size=300"}, multiple + "agent.minibatch_size = 300; change one of the two"},
              {{"env.num_envs=3"}, multiple + "env.num_envs = 3; change one of the two"},
-             {{"train.overlap=true"}, "train.overlap, train.realtime: this agent learns only from"},
              {{"agent.replay_terminal=dopamine", "env.num_envs=2"},
               "dopamine is a rule for env.num_envs = 1"},
              {{"agent.stack_after_update=repeated", "env.num_envs=2"}, "repeated is for env.num_envs = 1"}}) {

@@ -42,6 +42,8 @@ std::vector<Case> cases() {
         {"PpoDopamine", "ppo",
          small + "agent.rollout_steps=64 agent.minibatch_size=16 agent.replay_terminal=dopamine "
                  "agent.stack_after_update=repeated env.num_envs=1"},
+        {"PpoOverlap", "ppo",
+         small + "agent.rollout_steps=64 agent.minibatch_size=16 env.num_envs=2 train.overlap=true"},
         {"MovingStick", "sac",
          small + kReplay +
              "agent.update_period=4 env.num_envs=2 env.stick_speed=0.2 env.stick_damping=0.6 "
