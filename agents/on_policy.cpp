@@ -401,9 +401,8 @@ void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
     };
     if (spec.overlap && spec.processes != nullptr && !spec.processes->single())
         throw std::invalid_argument(
-            "train.overlap, train.realtime: an agent with a rollout learns beside its environments in a "
-            "single "
-            "process only; set both to false, or start one process");
+            "train.overlap, train.realtime: an agent with a rollout learns beside its environments in one "
+            "process only; set both to false, or start a single process");
     const auto all_envs = EnvShare(spec).all;
     if (settings.stack_after_update == StackAfterUpdate::repeated && all_envs != 1)
         throw std::invalid_argument("agent.stack_after_update: repeated is for env.num_envs = 1, not " +

@@ -47,8 +47,9 @@ void fields(TrainConfig& config, Visit&& visit) {
           "checkpoints hold the replay; without it a resumed run starts with an empty one");
     visit(
         "overlap", config.overlap,
-        "the environments step while the agent learns, so that it acts with the parameters from before its "
-        "newest update, and learns from a rollout while it fills the next; false: the paper's strict order");
+        "the environments step while the agent learns (PPO: a rollout trains while the next one is filled), "
+        "so that it acts with the parameters from before its newest update; false: the paper's strict "
+        "order");
     visit("realtime", config.realtime,
           "the game runs at 60 frames a second and waits for nobody: the agent acts on its newest "
           "observation, and "

@@ -130,6 +130,10 @@ TEST_F(DistributedEmulator, WhatCannotBeSharedIsRefused) {
     EXPECT_THAT(differ.other,
                 HasSubstr("process 1 of 2: the processes of this run were started with different"));
 
+    const auto beside = start_two(fmt::format("{} --run-dir {} train.overlap=true", kSettings, dir));
+    EXPECT_EQ(beside.code, 2);
+    EXPECT_THAT(beside.first, HasSubstr("learns beside its environments in one process only"));
+
     const int sac = std::system(fmt::format("WORLD_SIZE=2 {}/train_sac --run-dir {} 2> {}", CALE_BINARY_DIR,
                                             dir, run("first.log").string())
                                     .c_str());
