@@ -48,6 +48,7 @@ std::span<const std::string_view> names_of(StackAfterUpdate) {
 RolloutBatch normalized(RolloutBatch batch, const ProcessGroup* processes) {
     const auto global = moments(batch.advantage, group_of(processes));
     batch.advantage = (batch.advantage - global.mean) / (global.deviation + 1e-8);
+    if (batch.importance.defined()) batch.advantage = batch.advantage * batch.importance;
     batch.global_size = global.count;
     return batch;
 }
@@ -246,11 +247,10 @@ class OnPolicy final : public Agent {
     }
 
     torch::Tensor values(const torch::Tensor& observations) {
-        return acting_(observations.to(spec_.device)).value;
+        return state_.network(observations.to(spec_.device)).value;
     }
 
-    /// The rollout as one batch of T x N steps, with everything that is fixed before the update, by the
-    /// network that acted.
+    /// The rollout as one batch of T x N steps, with everything that is fixed before the update.
     RolloutBatch whole_rollout(const torch::Tensor& next_observations) {
         const torch::NoGradGuard no_grad;
         RolloutBatch whole;
@@ -260,17 +260,21 @@ class OnPolicy final : public Agent {
         };
         whole.observation = steps_of(rollout_->observation);
         whole.action = steps_of(rollout_->action);
-        std::vector<torch::Tensor> log_probs, old_values;
+        std::vector<torch::Tensor> log_probs, old_values, acting_log_probs;
         for (std::int64_t first = 0; first < whole.observation.size(0); first += settings_.minibatch_size) {
             const auto part = [&](const torch::Tensor& steps) {
                 return steps.slice(0, first, first + settings_.minibatch_size);
             };
-            const auto [policy, value] = acting_(part(whole.observation));
-            log_probs.push_back(log_prob(policy, part(whole.action), acting_->box));
+            const auto [policy, value] = state_.network(part(whole.observation));
+            log_probs.push_back(log_prob(policy, part(whole.action), state_.network->box));
             old_values.push_back(value);
+            if (spec_.overlap)
+                acting_log_probs.push_back(
+                    log_prob(acting_(part(whole.observation)).policy, part(whole.action), acting_->box));
         }
         whole.old_log_prob = torch::cat(log_probs);
         whole.old_value = torch::cat(old_values);
+        if (spec_.overlap) whole.importance = (whole.old_log_prob - torch::cat(acting_log_probs)).exp();
         const auto rewards = rollout_->reward.clone();
         for (const auto& cut : rollout_->truncations)
             rewards[cut.step][cut.env] +=
@@ -321,7 +325,9 @@ class OnPolicy final : public Agent {
     void choose(const RolloutBatch& whole, const torch::Tensor& rows) {
         for (const auto part :
              {&RolloutBatch::observation, &RolloutBatch::action, &RolloutBatch::old_log_prob,
-              &RolloutBatch::old_value, &RolloutBatch::advantage, &RolloutBatch::returns}) {
+              &RolloutBatch::old_value, &RolloutBatch::advantage, &RolloutBatch::returns,
+              &RolloutBatch::importance}) {
+            if (!(whole.*part).defined()) continue;
             auto& chosen = minibatch_.*part;
             if (!chosen.defined() || chosen.size(0) != rows.size(0))
                 chosen = torch::empty({0}, (whole.*part).options());

@@ -97,11 +97,12 @@ struct RolloutBatch {
     torch::Tensor observation, action;      // what was seen and done
     torch::Tensor old_log_prob, old_value;  // of the actions; of the states
     torch::Tensor advantage, returns;       // GAE; advantage + value
+    torch::Tensor importance = {};          // [B] or undefined: 1; see on_policy()
     std::int64_t global_size = 0;           // the divisor of means: the B of all processes together
 };
 
-/// Returns the batch with its advantages normalised over those of all processes, and with their global_size.
-/// Null: a single process.
+/// Returns the batch with its advantages normalised over those of all processes, then times their importance,
+/// and with their global_size. Null: a single process.
 RolloutBatch normalized(RolloutBatch batch, const ProcessGroup* processes = nullptr);
 
 /// The state that a gradient step changes: policy, value, their optimiser, and its learning rate.
@@ -132,11 +133,12 @@ using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, con
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/..., and with AgentSpec::overlap acting/<parameter>.
 /// With AgentSpec::overlap it learns from a rollout on a thread of its own while the next one is filled, and
-/// acts meanwhile with the parameters from before; the ratios are to those. What it computes does not depend
-/// on how long either takes.
-/// Several processes together are equivalent to one with all their environments: all draw the same random
-/// numbers, each uses those of its environments, and every process applies the sum of the gradients. Throws
-/// as check_settings() does.
+/// acts meanwhile with the parameters from before. Of the actions the old log-probability is that of the
+/// newest policy, and the importance is its probability over that of the policy that acted (the decoupled
+/// objective of Hilton et al. 2022, "Batch size-invariance for policy optimization"). What it computes does
+/// not depend on how long either takes. Several processes together are equivalent to one with all their
+/// environments: all draw the same random numbers, each uses those of its environments, and every process
+/// applies the sum of the gradients. Throws as check_settings() does.
 std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSpec& spec,
                                  OnPolicyLosses losses, const std::vector<std::string>& names);
 

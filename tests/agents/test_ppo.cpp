@@ -550,23 +550,28 @@ TEST(Ppo, OverlapActsWithTheParametersFromBeforeTheUpdateThatIsUnderWay) {
     expect_equal(once, strict.learned());
     expect_equal(acting(), initial);
 
-    // The second one is played by the network that played the first, and its ratios are to that.
+    // The second one is played by the network that played the first.
     OnPolicyState learner(w.with(initial), 0, w.config);
     const auto learn = [&](std::size_t first) {
         const torch::Tensor observations =
             torch::cat({w.steps[first].observations, w.steps[first + 1].observations});
         const auto actions = torch::cat({w.actions[first], w.actions[first + 1]});
-        const auto old = w.network(observations);
-        const auto estimate = generalized_advantages(torch::stack({w.rewards(first), w.rewards(first + 1)}),
-                                                     torch::zeros({2, 2}), old.value.detach().view({2, 2}),
-                                                     w.values(w.steps[first + 2].observations), 0.5, 0.5);
+        const auto log_prob_of = [&](PpoNetwork& network) {
+            return log_prob(network(observations).policy, actions, network->box).detach();
+        };
+        const auto old = log_prob_of(learner.network), value = learner.network(observations).value.detach();
+        const auto next = learner.network(w.steps[first + 2].observations).value.detach();
+        const auto estimate =
+            generalized_advantages(torch::stack({w.rewards(first), w.rewards(first + 1)}),
+                                   torch::zeros({2, 2}), value.view({2, 2}), next, 0.5, 0.5);
         ppo_update(learner,
                    {.observation = observations,
                     .action = actions,
-                    .old_log_prob = log_prob(old.policy, actions, w.network->box).detach(),
-                    .old_value = old.value.detach(),
+                    .old_log_prob = old,
+                    .old_value = value,
                     .advantage = estimate.advantage.flatten(),
-                    .returns = estimate.returns.flatten()},
+                    .returns = estimate.returns.flatten(),
+                    .importance = (old - log_prob_of(w.network)).exp()},
                    w.config);
     };
     learn(0);
