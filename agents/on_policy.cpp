@@ -173,6 +173,7 @@ class OnPolicy final : public Agent {
     }
 
     std::map<std::string, double> metrics() override {
+        finish_learning();  // so that a row does not depend on when there was a checkpoint
         auto values = newest_;
         if (settings_.exploration == Exploration::epsilon_greedy) values["charts/epsilon"] = epsilon();
         return values;
