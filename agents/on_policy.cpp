@@ -98,13 +98,18 @@ PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
                       num_actions(spec.action_space), generator, action_box(spec.action_space));
 }
 
-OnPolicyState initial_state(const OnPolicySettings& settings, const AgentSpec& spec) {
+/// The same values in every call.
+PpoNetwork initial_network(const OnPolicySettings& settings, const AgentSpec& spec) {
     auto network = make_network(settings, spec, make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
+    return network;
+}
+
+OnPolicyState initial_state(const OnPolicySettings& settings, const AgentSpec& spec) {
     const auto per_rollout = settings.epochs * (settings.rollout_steps / settings.minibatch_size);
     const auto whole_run = std::max<std::int64_t>(spec.total_steps / settings.rollout_steps * per_rollout, 1);
     const auto annealed_over = schedule_over_run(settings).empty() ? settings.anneal_steps : whole_run;
-    return {network, settings.anneal_learning_rate ? annealed_over : 0, settings};
+    return {initial_network(settings, spec), settings.anneal_learning_rate ? annealed_over : 0, settings};
 }
 
 class OnPolicy final : public Agent {
@@ -118,7 +123,7 @@ class OnPolicy final : public Agent {
           processes_(group_of(spec.processes)),
           share_(spec),
           state_(initial_state(settings, spec)),
-          acting_(spec.overlap ? initial_state(settings, spec).network : state_.network),
+          acting_(spec.overlap ? initial_network(settings, spec) : state_.network),
           box_(action_box(spec.action_space)),
           rollout_(empty_rollout()),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
@@ -256,8 +261,8 @@ class OnPolicy final : public Agent {
         const torch::NoGradGuard no_grad;
         RolloutBatch whole;
         const auto steps_of = [&](const torch::Tensor& kept) {
-            const auto steps = kept.flatten(0, 1).to(spec_.device);
-            return spec_.overlap && steps.is_alias_of(kept) ? steps.clone() : steps;
+            return kept.flatten(0, 1).to(spec_.device, kept.scalar_type(), /*non_blocking=*/false,
+                                         /*copy=*/spec_.overlap);
         };
         whole.observation = steps_of(rollout_->observation);
         whole.action = steps_of(rollout_->action);
@@ -406,7 +411,7 @@ void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
                                     ", which is no multiple of " + name + " = " + std::to_string(of) +
                                     "; change one of the two");
     };
-    if (spec.overlap && spec.processes != nullptr && !spec.processes->single())
+    if (spec.overlap && !group_of(spec.processes).single())
         throw std::invalid_argument(
             "train.overlap, train.realtime: an agent with a rollout learns beside its environments in one "
             "process only; set both to false, or start a single process");
