@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
+#include <ATen/Context.h>
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
-#include <torch/cuda.h>
 
 #include "cale/games.h"
 #include "cale/text.h"
@@ -82,11 +82,10 @@ EvaluationPlan plan_of(const Options& options, const EnvConfig& env) {
 
 /// A new folder: an evaluation is never written over another.
 fs::path make_folder(const Options& options, const PolicyInfo& policy, const EnvConfig& env) {
-    const fs::path folder =
-        !options.out.empty()
-            ? fs::path(options.out)
-            : fs::path("evaluations") / fmt::format("{}__{}__{}__{}", only_game(env).name, policy.agent,
-                                                    options.seed, std::time(nullptr));
+    fs::path folder = !options.out.empty() ? fs::path(options.out)
+                                           : fs::path("evaluations") /
+                                                 fmt::format("{}__{}__{}__{}", only_game(env).name,
+                                                             policy.agent, options.seed, std::time(nullptr));
     if (fs::exists(folder / "evaluation.csv")) {
         throw ConfigError(fmt::format("--out {}: an evaluation is in there already; choose another folder",
                                       folder.string()));
@@ -202,7 +201,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
     std::vector<EvaluationRow> rows;
     std::size_t evaluated = 0;
     for (const auto& run : runs) {
-        auto& row = rows.emplace_back(run.lexically_relative(options.policy).string());
+        auto& row = rows.emplace_back(EvaluationRow{.run = run.lexically_relative(options.policy).string()});
         if (const auto steps = newest_step(run / "checkpoints", ""))
             row.result = evaluation_result(evaluations_folder(run, protocol), *steps);
         evaluated += row.result ? 1 : 0;
@@ -245,12 +244,109 @@ std::vector<fs::path> runs_in(const fs::path& path) {
 
 int run(const Options& options) {
     at::set_num_threads(options.threads);
-    const torch::Device device = find_device(options.device, torch::cuda::device_count());
+    const torch::Device device = find_device(options.device, at::getNumGPUs());
     const auto runs = runs_in(options.policy);
     if (!runs.empty()) return evaluate_runs(options, runs, device);
     evaluate_policy(options, device);
     return 0;
 }
+
+/// Which games are played, and how.
+void add_game_options(CLI::App& command, Options& options) {
+    command
+        .add_option(
+            "POLICY", options.policy,
+            "a policy file, a checkpoint's folder, or a run's: its newest checkpoint; or a folder that "
+            "holds runs")
+        ->required()
+        ->type_name("FILE");
+    command
+        .add_option("--protocol", options.protocol,
+                    "fixed_episodes: 100 games that begin with 0 to 29 no-ops; fixed_steps: games until "
+                    "125,000 agent steps; both with 0.1 % random actions")
+        ->transform(one_of({"fixed_episodes", "fixed_steps"}))
+        ->type_name("NAME");
+    command.add_option("--episodes", options.episodes, "games, at most")
+        ->transform(whole_numbers(1, 1'000'000))
+        ->type_name("N");
+    command.add_option("--steps", options.steps, "no game begins after this many agent steps")
+        ->transform(whole_numbers(1, 1'000'000'000))
+        ->type_name("N");
+    command.add_option("--epsilon", options.epsilon, "probability of a uniformly random action")
+        ->transform(numbers(0, 1))
+        ->type_name("P");
+    command.add_option("--noop-max", options.noop_max, "a game begins with 0 to this many no-op agent steps")
+        ->transform(whole_numbers(0, 1000))
+        ->type_name("N");
+    command.add_option("--seed", options.seed, "what happens in a game follows from this and its number")
+        ->transform(seeds())
+        ->type_name("N");
+    command
+        .add_option("--parallel", options.parallel,
+                    "games under way at a time; the results do not depend on it")
+        ->transform(whole_numbers(1, 1024))
+        ->type_name("N");
+    auto* greedy = command.add_flag("--greedy", options.greedy,
+                                    "the likeliest or most valuable action, the mean of a Gaussian");
+    command
+        .add_flag("--sampled", options.sampled,
+                  "actions drawn from the policy, or after noise is drawn for its weights; without either: "
+                  "as the agent's own evaluations (PPO and the joystick Rainbow draw)")
+        ->excludes(greedy);
+}
+
+/// Where, with what, and what is written.
+void add_output_options(CLI::App& command, Options& options) {
+    command
+        .add_option(
+            "--set", options.settings,
+            "change a setting of the environment: env.sticky_probability=0, env.game=..., as in train_*")
+        ->allow_extra_args(false)
+        ->take_all()
+        ->type_name("KEY=VALUE");
+    command.add_option("--out", options.out, "folder to write to; else a new one in evaluations/")
+        ->type_name("DIR");
+    auto* video = command.add_flag("--video", options.video,
+                                   "film a game: the screen beside what the agent sees and does");
+    command.add_option("--video-episode", options.video_episode, "which")
+        ->needs(video)
+        ->transform(whole_numbers(0, 1'000'000))
+        ->type_name("N");
+    command.add_option("--video-minutes", options.video_minutes, "how much of it")
+        ->needs(video)
+        ->transform(numbers(0.01, 1000))
+        ->type_name("X");
+    command.add_flag(
+        "--step-log", options.step_log,
+        "a table of each game in the folder's steps/: what was told in each agent step, and what "
+        "the console saw in each frame");
+    command
+        .add_option("--device", options.device, "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
+        ->type_name("DEVICE");
+    command.add_option("--threads", options.threads, "threads for tensors; sums may be rounded another way")
+        ->transform(whole_numbers(1, 4096))
+        ->type_name("N");
+}
+
+constexpr const char* kFooter =
+    "Written to the folder: evaluation.csv (a row per game), evaluation_events.csv (how often each "
+    "joystick event),\n"
+    "evaluation_rewards.csv (quantiles of the rewards), evaluation.json (settings and statistics), "
+    "episode_N.mp4,\n"
+    "steps/game_N.csv.\n"
+    "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
+    "evaluation reads\n"
+    "them. What was evaluated by the same protocol is not played again; after a kill the same command "
+    "continues.\n"
+    "\n"
+    "Examples:\n"
+    "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
+    "  cale evaluate breakout.safetensors --episodes 10 --epsilon 0 --noop-max 0\n"
+    "  cale evaluate runs/a/checkpoints/step_000100000 --protocol fixed_steps --set "
+    "env.sticky_probability=0.25\n"
+    "  cale evaluate runs/encoders\n"
+    "\n"
+    "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage.";
 
 }  // namespace
 
@@ -261,99 +357,9 @@ void add_evaluate(CLI::App& app, int& exit_code) {
                                         "in, unless --set changes it. Of a folder that holds runs, such as "
                                         "a sweep's, it evaluates every run.");
     const auto options = std::make_shared<Options>();
-    command
-        .add_option(
-            "POLICY", options->policy,
-            "a policy file, a checkpoint's folder, or a run's: its newest checkpoint; or a folder that "
-            "holds runs")
-        ->required()
-        ->type_name("FILE");
-    command
-        .add_option("--protocol", options->protocol,
-                    "fixed_episodes: 100 games that begin with 0 to 29 no-ops; fixed_steps: games until "
-                    "125,000 agent "
-                    "steps; both with 0.1 % random actions")
-        ->transform(one_of({"fixed_episodes", "fixed_steps"}))
-        ->type_name("NAME");
-    command.add_option("--episodes", options->episodes, "games, at most")
-        ->transform(whole_numbers(1, 1'000'000))
-        ->type_name("N");
-    command.add_option("--steps", options->steps, "no game begins after this many agent steps")
-        ->transform(whole_numbers(1, 1'000'000'000))
-        ->type_name("N");
-    command.add_option("--epsilon", options->epsilon, "probability of a uniformly random action")
-        ->transform(numbers(0, 1))
-        ->type_name("P");
-    command
-        .add_option("--noop-max", options->noop_max, "a game begins with 0 to this many no-op agent steps")
-        ->transform(whole_numbers(0, 1000))
-        ->type_name("N");
-    command.add_option("--seed", options->seed, "what happens in a game follows from this and its number")
-        ->transform(seeds())
-        ->type_name("N");
-    command
-        .add_option("--parallel", options->parallel,
-                    "games under way at a time; the results do not depend on it")
-        ->transform(whole_numbers(1, 1024))
-        ->type_name("N");
-    auto* greedy = command.add_flag("--greedy", options->greedy,
-                                    "the likeliest or most valuable action, the mean of a Gaussian");
-    command
-        .add_flag("--sampled", options->sampled,
-                  "actions drawn from the policy, or after noise is drawn for its weights; without either: "
-                  "as the agent's own "
-                  "evaluations (PPO and the joystick Rainbow draw)")
-        ->excludes(greedy);
-    command
-        .add_option(
-            "--set", options->settings,
-            "change a setting of the environment: env.sticky_probability=0, env.game=..., as in train_*")
-        ->allow_extra_args(false)
-        ->take_all()
-        ->type_name("KEY=VALUE");
-    command.add_option("--out", options->out, "folder to write to; else a new one in evaluations/")
-        ->type_name("DIR");
-    auto* video = command.add_flag("--video", options->video,
-                                   "film a game: the screen beside what the agent sees and does");
-    command.add_option("--video-episode", options->video_episode, "which")
-        ->needs(video)
-        ->transform(whole_numbers(0, 1'000'000))
-        ->type_name("N");
-    command.add_option("--video-minutes", options->video_minutes, "how much of it")
-        ->needs(video)
-        ->transform(numbers(0.01, 1000))
-        ->type_name("X");
-    command.add_flag(
-        "--step-log", options->step_log,
-        "a table of each game in the folder's steps/: what was told in each agent step, and what "
-        "the console saw in each frame");
-    command
-        .add_option("--device", options->device,
-                    "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
-        ->type_name("DEVICE");
-    command.add_option("--threads", options->threads, "threads for tensors; sums may be rounded another way")
-        ->transform(whole_numbers(1, 4096))
-        ->type_name("N");
-    command.footer(
-        "Written to the folder: evaluation.csv (a row per game), evaluation_events.csv (how often each "
-        "joystick event),\n"
-        "evaluation_rewards.csv (quantiles of the rewards), evaluation.json (settings and statistics), "
-        "episode_N.mp4,\n"
-        "steps/game_N.csv.\n"
-        "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
-        "evaluation "
-        "reads\n"
-        "them. What was evaluated by the same protocol is not played again; after a kill the same command "
-        "continues.\n"
-        "\n"
-        "Examples:\n"
-        "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
-        "  cale evaluate breakout.safetensors --episodes 10 --epsilon 0 --noop-max 0\n"
-        "  cale evaluate runs/a/checkpoints/step_000100000 --protocol fixed_steps --set "
-        "env.sticky_probability=0.25\n"
-        "  cale evaluate runs/encoders\n"
-        "\n"
-        "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage.");
+    add_game_options(command, *options);
+    add_output_options(command, *options);
+    command.footer(kFooter);
     command.callback([options, &exit_code] { exit_code = run(*options); });
 }
 

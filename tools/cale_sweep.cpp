@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <torch/cuda.h>
+#include <ATen/Context.h>
 
 #include "sweep/sweep.h"
 #include "tools/commands.h"
@@ -36,7 +36,7 @@ SweepOptions options_of(const Arguments& arguments) {
     options.live_table = !arguments.no_progress;
     options.sharing.memory_per_run = static_cast<std::int64_t>(arguments.memory * 1e9);
     if (arguments.devices != std::vector<std::string>{"auto"}) options.sharing.devices = arguments.devices;
-    options.gpus = static_cast<int>(torch::cuda::device_count());
+    options.gpus = static_cast<int>(at::getNumGPUs());
     return options;
 }
 

@@ -7,10 +7,10 @@
 #include <optional>
 #include <thread>
 
+#include <ATen/Context.h>
 #include <ATen/Parallel.h>
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <fmt/format.h>
-#include <torch/cuda.h>
 #include <torch/types.h>
 
 #include "agents/memory.h"
@@ -79,7 +79,7 @@ std::optional<ProcessRank> find_place(const TrainingProgram& program) {
 
 /// Several processes on a machine take a CUDA device each.
 torch::Device choose_device(const std::string& requested, const std::optional<ProcessRank>& place) {
-    const auto gpus = torch::cuda::device_count();
+    const auto gpus = at::getNumGPUs();
     if (!place) return find_device(requested, gpus);
     return find_device(requested, gpus, static_cast<std::uint64_t>(place->local_rank));
 }
@@ -247,6 +247,21 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
     }
 }
 
+/// The same for the process. `changes`: what --accept-changes accepted.
+ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
+                             const TrainOptions& options, Metadata* metadata, const std::string& changes) {
+    try {
+        const Outcome outcome = train_on_record(agent, world, settings, options, metadata);
+        return outcome == Outcome::interrupted ? kInterrupted : kDone;
+    } catch (const ResumeError& error) {
+        if (changes.empty()) throw;
+        throw ResumeError(
+            fmt::format("--accept-changes: what is stored may not fit {}: {}; take that back, or "
+                        "start a new run",
+                        changes, error.what()));
+    }
+}
+
 /// Makes an environment once, of several games one each, so that what is wrong with it, or with a ROM, is
 /// said before anything is written.
 std::unique_ptr<World> make_one(const TrainingWorld& world) {
@@ -322,6 +337,41 @@ TrainingWorld make_world(const TrainingProgram& program) {
     }
 }
 
+/// What the agent is made for. Throws ConfigError if it cannot be had here.
+AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& world,
+                       const ProcessGroup& processes, torch::Device device) {
+    AgentSpec spec = program.spec();
+    spec.num_envs /= processes.size();
+    spec.processes = &processes;
+    const auto one = make_one(world);
+    spec.action_space = one->action_space();
+    spec.observation = one->observation_space();
+    spec.device = device;
+    check_precision(spec);
+    check_memory(program, world, spec);
+    return spec;
+}
+
+/// The run's own metadata, and before its first step the files that say what it is.
+Metadata begin_record(const TrainingProgram& program, const TrainingWorld& world, const fs::path& run_dir,
+                      std::optional<Metadata> resumed, bool resume, const Sitting& sitting) {
+    if (!resume) require_no_run(run_dir);  // that came and went while the agent was made
+    auto metadata = resumed ? std::move(*resumed)
+                            : Metadata(run_dir,
+                                       {.program = program.name,
+                                        .agent = program.agent_name,
+                                        .env_id = world.id,
+                                        .seed = program.settings.train.seed,
+                                        .roms = world.roms},
+                                       sitting);
+    metadata.set_schedule_over_run(program.schedule_over_run());
+    if (!resume) {
+        metadata.write();  // in this order: see require_no_run()
+        write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+    }
+    return metadata;
+}
+
 int run(const TrainingProgram& program, int argc, const char* const* argv) {
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
     if (line.finished) {
@@ -340,22 +390,10 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     fs::path run_dir = choose_run_dir(line, program, world);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
-    auto metadata = line.resume ? read_metadata(run_dir) : std::nullopt;
-    const int threads =
-        choose_threads(line, program, world, metadata, run_dir, place ? place->local_size : 1);
+    auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
+    const int threads = choose_threads(line, program, world, resumed, run_dir, place ? place->local_size : 1);
     at::set_num_threads(threads);
-
-    AgentSpec spec = program.spec();
-    spec.num_envs /= processes.size();
-    spec.processes = &processes;
-    {
-        const auto one = make_one(world);
-        spec.action_space = one->action_space();
-        spec.observation = one->observation_space();
-    }
-    spec.device = device;
-    check_precision(spec);
-    check_memory(program, world, spec);
+    const AgentSpec spec = checked_spec(program, world, processes, device);
 
     std::optional<NewFolder> folder;  // the other processes of a run write nothing
     if (!line.resume && processes.first()) {
@@ -372,25 +410,15 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
-    const RunIdentity identity{.program = program.name,
-                               .agent = program.agent_name,
-                               .env_id = world.id,
-                               .seed = program.settings.train.seed,
-                               .roms = world.roms};
     const Sitting sitting{.command = joined(argc, argv),
                           .device = device.str(),
                           .threads = threads,
                           .processes = static_cast<int>(processes.size())};
     std::optional<RunLock> lock;
+    std::optional<Metadata> metadata;
     if (processes.first()) {
         lock.emplace(run_dir);
-        if (!line.resume) require_no_run(run_dir);  // that came and went while the agent was made
-        if (!metadata) metadata.emplace(run_dir, identity, sitting);
-        metadata->set_schedule_over_run(program.schedule_over_run());
-        if (!line.resume) {
-            metadata->write();  // in this order: see require_no_run()
-            write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
-        }
+        metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, sitting));
     }
 
     TrainOptions options;
@@ -414,18 +442,8 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     options.agent_name = program.agent_name;
     for (const auto& entry : program.table.entries())
         options.hyperparameters.emplace_back(entry.key, entry.get());
-
-    try {
-        const Outcome outcome = train_on_record(*agent, world, program.settings, options,
-                                                processes.first() ? &*metadata : nullptr);
-        return outcome == Outcome::interrupted ? kInterrupted : kDone;
-    } catch (const ResumeError& error) {
-        if (changes.empty()) throw;
-        throw ResumeError(
-            fmt::format("--accept-changes: what is stored may not fit {}: {}; take that back, or "
-                        "start a new run",
-                        changes, error.what()));
-    }
+    return train_for_exit_code(*agent, world, program.settings, options, metadata ? &*metadata : nullptr,
+                               changes);
 }
 
 }  // namespace
