@@ -76,10 +76,9 @@ void check_paddle(const EnvConfig& config) {
     };
     require(config.action_space == ActionSet::continuous, "env.action_space=" + name_of(config.action_space),
             ": set that to continuous, and choose an agent of continuous actions (sac, ppo)");
-    require(
-        config.joystick != Joystick::factored, "env.joystick=factored",
-        ": its action is a position, not one of several; leave that out, and choose an agent of continuous "
-        "actions (sac, ppo)");
+    require(config.joystick != Joystick::factored, "env.joystick=factored",
+            ": its action is a position, not one of several; leave that out, and choose an agent of "
+            "continuous actions (sac, ppo)");
     require(config.paddle_strength == PaddleStrength::one, "env.paddle_strength=radius",
             ", which scales the steps of a joystick: leave that out");
 }

@@ -88,12 +88,10 @@ void fields(EnvConfig& config, Visit&& visit) {
           "console saw in each frame");
     visit("action_space", config.action_space,
           "continuous joystick, or the game's minimal or full set of events");
-    visit(
-        "joystick", config.joystick,
-        "coordinates of the continuous joystick; polar: (r, theta, fire), the paper's; cartesian: (x, y, "
-        "fire); "
-        "direction: (cos theta, sin theta, r, fire); factored: x and y three ways each, fire two, for agents "
-        "that choose among actions; paddle: (position, fire), those of env.paddle=absolute");
+    visit("joystick", config.joystick,
+          "coordinates of the continuous joystick; polar: (r, theta, fire), the paper's; cartesian: (x, y, "
+          "fire); direction: (cos theta, sin theta, r, fire); factored: x and y three ways each, fire two, "
+          "for agents that choose among actions; paddle: (position, fire), those of env.paddle=absolute");
     visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
     visit("event_map", config.event_map,
           "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
@@ -101,8 +99,7 @@ void fields(EnvConfig& config, Visit&& visit) {
           "one: the paper's fixed paddle displacement; radius: scaled by r, as ale-py does");
     visit("paddle", config.paddle,
           "joystick: the stick pushes the paddle; absolute: the action is the paddle's position and fire, "
-          "whatever env.joystick says, in "
-          "games with a paddle (cale games)");
+          "whatever env.joystick says, in games with a paddle (cale games)");
     fields(config.motion, visit);
     visit("sticky_probability", config.sticky_probability, Range{0, 1},
           "probability that a frame repeats the action before");

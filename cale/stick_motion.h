@@ -29,10 +29,9 @@ struct StickMotion {
 
 template <class Visit>
 void fields(StickMotion& motion, Visit&& visit) {
-    visit(
-        "stick_speed", motion.stick_speed, Range{0.001, 2},
-        "radii per frame; with damping the greatest speed from the centre to the rim; none: the stick is at "
-        "once where it is told to be");
+    visit("stick_speed", motion.stick_speed, Range{0.001, 2},
+          "radii per frame; with damping the greatest speed from the centre to the rim; none: the stick is "
+          "at once where it is told to be");
     visit("stick_damping", motion.stick_damping, Range{0.05, 5},
           "damping ratio of a stick with mass, 1 is critical; none: it moves at its speed, without mass");
     visit("button_frames", motion.button_frames, Range{0, 60},

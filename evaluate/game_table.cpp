@@ -79,8 +79,7 @@ std::string game_table(const std::string& rom_dir, bool atari100k) {
     text +=
         "random: the published score of random joystick events; joystick: random play on the continuous "
         "joystick,\nmeasured with sticky actions (cale games GAME has its interval, and without them); "
-        "paddle: "
-        "env.paddle=absolute\nplaces it\n";
+        "paddle: env.paddle=absolute\nplaces it\n";
     text += fmt::format("{} games, {}\n", shown,
                         missing == 0 ? "all with their ROM"
                                      : fmt::format("{} without their ROM: run scripts/setup, or let "

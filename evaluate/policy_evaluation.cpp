@@ -48,8 +48,7 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     if (const auto joystick = coordinates(env); continuous && joystick != policy.joystick) {
         const bool paddle = joystick == Joystick::paddle || policy.joystick == Joystick::paddle;
         throw std::invalid_argument(fmt::format(
-            "this policy was trained with env.joystick={} and cannot act in one of {}: leave "
-            "{} out",
+            "this policy was trained with env.joystick={} and cannot act in one of {}: leave {} out",
             names_of(joystick)[static_cast<std::size_t>(policy.joystick)],
             names_of(joystick)[static_cast<std::size_t>(joystick)], paddle ? "env.paddle" : "env.joystick"));
     }

@@ -32,10 +32,9 @@ void StepLog::add(const ToldStep& told, const StepResult& result,
 }
 
 void StepLog::write() const {
-    write_file_atomically(file_,
-                          "step,action,r,theta,fire,x,y,button,event,frames,seen,reward,lives,terminal,"
-                          "truncated\n" +
-                              rows_);
+    write_file_atomically(
+        file_,
+        "step,action,r,theta,fire,x,y,button,event,frames,seen,reward,lives,terminal,truncated\n" + rows_);
 }
 
 }  // namespace cale

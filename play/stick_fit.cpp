@@ -229,10 +229,11 @@ Picture stick_fit_picture(const StickLog& log, const StickFit& fit) {
         picture.words.push_back({name, {kMargin, top + kHeight / 2}, kInk, 13, Anchor::start, true});
         top += kHeight + kBetween;
     }
-    finish_picture(picture, top - 12,
-                   fmt::format("Frames of 1/60 s; positions in radii. The fit's error is {:.3f} radii (root "
-                               "mean square).",
-                               fit.best().error));
+    finish_picture(
+        picture, top - 12,
+        fmt::format(
+            "Frames of 1/60 s; positions in radii. The fit's error is {:.3f} radii (root mean square).",
+            fit.best().error));
     return picture;
 }
 
@@ -293,8 +294,7 @@ std::string stick_fit_text(const StickLog& log, const StickFit& fit) {
     const auto& best = fit.best();
     std::string text = fmt::format(
         "# Fitted to {} frames of 1/60 s; error {:.4f} radii (root mean square), {:.4f} without mass and "
-        "{:.4f} "
-        "with it.\nenv:\n  stick_speed: {:.4g}\n",
+        "{:.4f} with it.\nenv:\n  stick_speed: {:.4g}\n",
         log.told.size(), best.error, fit.without_mass.error, fit.with_mass.error, *best.motion.stick_speed);
     if (best.motion.stick_damping)
         text += fmt::format("  stick_damping: {:.4g}\n", *best.motion.stick_damping);
@@ -345,11 +345,10 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
         if (text_width(name, 11) < right - left)
             picture.words.push_back({name, {(left + right) / 2, top + 19}, kInk, 11, Anchor::middle});
     }
-    finish_picture(
-        picture, top + kStrip + 6,
-        fmt::format("Frames of 1/60 s. Told to push to the right with the button for {} frames, then "
-                    "to return. {}. Below: what the console is told.",
-                    frames_held, settings.empty() ? "CALE's own joystick" : settings));
+    finish_picture(picture, top + kStrip + 6,
+                   fmt::format("Frames of 1/60 s. Told to push to the right with the button for {} frames, "
+                               "then to return. {}. Below: what the console is told.",
+                               frames_held, settings.empty() ? "CALE's own joystick" : settings));
     return picture;
 }
 

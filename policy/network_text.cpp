@@ -189,8 +189,8 @@ Head parse_head(EntryReader entry) {
     if (kind == "values" || kind == "dueling_values") head.kind = Head::Kind::values;
     if (head.kind == Head::Kind::squashed_gaussian && kind != "squashed_gaussian")
         entry.refuse(
-            "is no head: its last entry must be one of squashed_gaussian, gaussian, categorical, "
-            "values, dueling_values");
+            "is no head: its last entry must be one of squashed_gaussian, gaussian, categorical, values, "
+            "dueling_values");
     if (!head.continuous()) head.num_actions = entry.whole(kMostActions);
     if (head.continuous() && !entry.done()) head.axes = entry.whole(kMostAxes);
     if (head.kind == Head::Kind::values) {

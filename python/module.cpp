@@ -219,8 +219,7 @@ class Envs {
         if (process_ != getpid()) {
             throw std::runtime_error(
                 "these environments were made before this process was forked, and their threads are not in "
-                "it: "
-                "make them in the process that uses them, or start it by spawn or forkserver");
+                "it: make them in the process that uses them, or start it by spawn or forkserver");
         }
         return run_without_gil([&] {
             const std::lock_guard lock(mutex_);

@@ -244,22 +244,19 @@ std::vector<Figure> figures(const Comparison& comparison) {
         const bool curves = std::any_of(comparison.results.begin(), comparison.results.end(),
                                         [](const auto& result) { return result.curve_steps.size() > 1; });
         if (curves) {
-            all.push_back(
-                {"sample_efficiency", "Sample efficiency",
-                 "The interquartile mean while learning. A curve begins where every run has a score "
-                 "and ends with the shortest run.",
-                 efficiency_figure(comparison)});
+            all.push_back({"sample_efficiency", "Sample efficiency",
+                           "The interquartile mean while learning. A curve begins where every run has a "
+                           "score and ends with the shortest run.",
+                           efficiency_figure(comparison)});
         }
         all.push_back(
             {"performance_profiles", "Performance profiles",
-             "The part of a group's runs that score above a given human-normalised score: higher is "
-             "better.",
+             "The part of a group's runs that score above a given human-normalised score: higher is better.",
              profile_figure(comparison)});
         if (!comparison.improvements.empty()) {
             all.push_back(
                 {"probability_of_improvement", "Probability of improvement",
-                 std::string("How likely a run of X scores more than a run of Y on a game drawn at "
-                             "random.") +
+                 std::string("How likely a run of X scores more than a run of Y on a game drawn at random.") +
                      (some_interval(comparison) ? " An interval that leaves out 0.5 speaks for a difference."
                                                 : ""),
                  improvement_figure(comparison)});

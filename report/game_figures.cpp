@@ -441,12 +441,10 @@ Picture zone_figure(const Comparison& comparison) {
         draw_zones(picture, panel, zones);
         assign_panel(picture, before, panel, game);
     }
-    finish_picture(
-        picture, grid.bottom(),
-        fmt::format(
-            "part of the agent steps since the point before, over agent steps; mean of the runs ({}); "
-            "six games at most",
-            runs_text(comparison)));
+    finish_picture(picture, grid.bottom(),
+                   fmt::format("part of the agent steps since the point before, over agent steps; mean of "
+                               "the runs ({}); six games at most",
+                               runs_text(comparison)));
     return picture;
 }
 
@@ -476,11 +474,10 @@ Picture reward_figure(const Comparison& comparison) {
         }
         assign_panel(picture, before, panel, rows[i].game->name);
     }
-    finish_picture(
-        picture, grid.bottom(),
-        "reward (vertical) that the given part of the agent steps (horizontal) of each run's newest "
-        "evaluation did not exceed; mean over the runs (" +
-            runs_text(comparison) + ")");
+    finish_picture(picture, grid.bottom(),
+                   "reward (vertical) that the given part of the agent steps (horizontal) of each run's "
+                   "newest evaluation did not exceed; mean over the runs (" +
+                       runs_text(comparison) + ")");
     return picture;
 }
 

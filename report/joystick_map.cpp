@@ -191,8 +191,8 @@ Picture joystick_map(double threshold, Joystick joystick) {
     }
     finish_picture(
         picture, kTop + 2 * kRadius + 50,
-        "The disc of the stick: its distance from the centre is r, its angle theta, counter-clockwise "
-        "from the right. Percentages: the part of uniformly random actions in the agent's coordinates.");
+        "The disc of the stick: its distance from the centre is r, its angle theta, counter-clockwise from "
+        "the right. Percentages: the part of uniformly random actions in the agent's coordinates.");
     return picture;
 }
 

@@ -54,10 +54,9 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
                          int scale)
     : impl_(std::make_unique<Impl>(Impl{.path = path, .width = width, .height = height, .scale = scale})) {
     if (width < 1 || height < 1 || scale < 1 || width * scale % 2 != 0 || height * scale % 2 != 0) {
-        throw std::invalid_argument(
-            fmt::format("a film of {} x {} pixels, each {} wide, cannot be encoded: its sides "
-                        "must be positive and even",
-                        width, height, scale));
+        throw std::invalid_argument(fmt::format(
+            "a film of {} x {} pixels, each {} wide, cannot be encoded: its sides must be positive and even",
+            width, height, scale));
     }
     if (path.extension() != ".mp4") {
         throw std::invalid_argument(
@@ -78,8 +77,8 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
         }
     }
     throw std::runtime_error(
-        fmt::format("cannot film to {}: this OpenCV encodes neither H.264 nor MPEG-4; it needs "
-                    "FFmpeg (Debian's libopencv-videoio has it)",
+        fmt::format("cannot film to {}: this OpenCV encodes neither H.264 nor MPEG-4; it needs FFmpeg "
+                    "(Debian's libopencv-videoio has it)",
                     path.string()));
 }
 

@@ -40,20 +40,17 @@ void fields(TrainConfig& config, Visit&& visit) {
           "a checkpoint at each multiple of so many agent steps stays for good; 0: none");
     visit("keep_best", config.keep_best,
           "the best checkpoint stays, and checkpoints/best points to it: the largest mean return over the "
-          "newest 100 "
-          "training episodes or, with eval.every, of an evaluation, after each of which a checkpoint is "
-          "written then");
+          "newest 100 training episodes or, with eval.every, of an evaluation, after each of which a "
+          "checkpoint is written then");
     visit("save_replay", config.save_replay,
           "checkpoints hold the replay; without it a resumed run starts with an empty one");
     visit(
         "overlap", config.overlap,
         "the environments step while the agent learns (PPO: a rollout trains while the next one is filled), "
-        "so that it acts with the parameters from before its newest update; false: the paper's strict "
-        "order");
+        "so that it acts with the parameters from before its newest update; false: the paper's strict order");
     visit("realtime", config.realtime,
           "the game runs at 60 frames a second and waits for nobody: the agent acts on its newest "
-          "observation, and "
-          "learns while the game continues");
+          "observation, and learns while the game continues");
     visit("precision", config.precision,
           "what convolutions and products are computed in; bf16: half the bits, for processors with "
           "AVX512-BF16 or AMX, and GPUs");

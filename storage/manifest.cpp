@@ -66,10 +66,9 @@ Manifest read_manifest(const fs::path& folder) {
     if (!fs::exists(folder / kManifestFile)) {
         throw std::runtime_error(
             fs::exists(folder / "state.json")
-                ? fmt::format(
-                      "it has no {}: it was damaged, or written by an older cale, which can finish the "
-                      "run (format 2; this program reads version {})",
-                      kManifestFile, kFormatVersion)
+                ? fmt::format("it has no {}: it was damaged, or written by an older cale, which can finish "
+                              "the run (format 2; this program reads version {})",
+                              kManifestFile, kFormatVersion)
                 : fmt::format("it has no {}", kManifestFile));
     }
     return parse(read_file(folder / kManifestFile));

@@ -230,8 +230,8 @@ void check_search(const Search& search) {
     for (const auto& planned : search.runs) {
         if (planned.total_steps != length_of(search))
             throw ConfigError(
-                fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} "
-                            "and {}: set it below 'set:'",
+                fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} and "
+                            "{}: set it below 'set:'",
                             search.sweep.name, length_of(search), planned.total_steps));
         if (search.method != SearchMethod::halving) continue;
         for (const auto& [key, value] :

@@ -176,10 +176,10 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 void check_method(const SweepOptions& options, const Sweep& sweep) {
     const auto file = options.file.string();
     if (sweep.search && options.search == SearchMethod::none && options.task != SweepTask::show_status) {
-        throw ConfigError(fmt::format(
-            "{} has 'search:', so say --search random, which trains every sample to the end, or --search "
-            "halving, which trains the better half twice as far, again and again",
-            file));
+        throw ConfigError(
+            fmt::format("{} has 'search:', so say --search random, which trains every sample to the end, or "
+                        "--search halving, which trains the better half twice as far, again and again",
+                        file));
     }
     if (!sweep.search && options.search != SearchMethod::none) {
         throw ConfigError(fmt::format(
@@ -190,8 +190,7 @@ void check_method(const SweepOptions& options, const Sweep& sweep) {
     if (options.launcher == Launcher::slurm)
         throw ConfigError(
             "--search halving compares runs while they train, on this machine: leave --launcher slurm out, "
-            "or "
-            "say --search random");
+            "or say --search random");
     if (!options.only.empty())
         throw ConfigError("--search halving compares all runs: leave --only out, or say --search random");
 }

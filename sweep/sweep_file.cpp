@@ -41,8 +41,8 @@ bool is_key(std::string_view key) {
 
 std::string no_key(std::string_view key) {
     return fmt::format(
-        "'{}' is no key: settings are written section.name, such as env.game; beside them "
-        "there are agent and config",
+        "'{}' is no key: settings are written section.name, such as env.game; beside them there are agent "
+        "and config",
         key);
 }
 
@@ -454,10 +454,9 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
         // Variants may overlap.
         const auto& other = sweep.runs[found->second];
         if (other.settings != run.settings || other.config != run.config) {
-            throw ConfigError(
-                fmt::format("{}: two different runs would be called {}; give them values that "
-                            "can be told apart",
-                            file.string(), run.name));
+            throw ConfigError(fmt::format(
+                "{}: two different runs would be called {}; give them values that can be told apart",
+                file.string(), run.name));
         }
     };
     const auto all = combinations(contents.grid, contents.variants);

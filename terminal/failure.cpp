@@ -34,8 +34,7 @@ std::string failure_sentence(const std::exception& error) {
                                               text.find("out of memory") != text.npos));
     if (!memory) return one_sentence(std::move(text));
     return "there is not enough memory; free some, or ask for less: smaller batches, networks, rollouts or "
-           "replay, "
-           "fewer games at once";
+           "replay, fewer games at once";
 }
 
 }  // namespace cale

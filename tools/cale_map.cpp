@@ -11,10 +11,9 @@
 namespace cale {
 
 void add_map(CLI::App& app) {
-    auto& command =
-        *app.add_subcommand("map",
-                            "Draws which joystick event an action (r, theta, fire) stands for: the "
-                            "nine regions of the stick's disc, without fire and with it.");
+    auto& command = *app.add_subcommand("map",
+                                        "Draws which joystick event an action (r, theta, fire) stands for: "
+                                        "the nine regions of the stick's disc, without fire and with it.");
     struct Options {
         double threshold = 0.5;
         std::string joystick = "polar";

@@ -166,12 +166,11 @@ void run(const Options& options) {
     };
     const auto counts = play(plan, stage);
     if (plan.real_time) {
-        std::fputs(
-            fmt::format("{} frames; {} of them were played while an observation had not been looked at; the "
-                        "console was {} frames behind its clock\n",
-                        counts.frames, counts.missed_frames, counts.late_frames)
-                .c_str(),
-            stdout);
+        std::fputs(fmt::format("{} frames; {} of them were played while an observation had not been looked "
+                               "at; the console was {} frames behind its clock\n",
+                               counts.frames, counts.missed_frames, counts.late_frames)
+                       .c_str(),
+                   stdout);
     }
     if (!plan.video.empty() && std::filesystem::exists(plan.video))
         std::fputs(fmt::format("{}\n", plan.video.string()).c_str(), stdout);
@@ -182,8 +181,8 @@ void run(const Options& options) {
 void add_play(CLI::App& app) {
     auto& command =
         *app.add_subcommand("play",
-                            "Shows a game in a window: a trained policy plays it, or you do, with "
-                            "the continuous joystick. Where there is no display, a policy is filmed.");
+                            "Shows a game in a window: a trained policy plays it, or you do, with the "
+                            "continuous joystick. Where there is no display, a policy is filmed.");
     const auto options = std::make_shared<Options>();
     command
         .add_option("GAME", options->game, "pong, Pong or ALE/Pong-v5; the policy's own if it is left out")
@@ -197,10 +196,9 @@ void add_play(CLI::App& app) {
         ->transform(numbers(0, 1))
         ->type_name("X");
     command
-        .add_option(
-            "--set", options->settings,
-            "change a setting of the environment, as in train_*; else it is the policy's, or, for you, every "
-            "frame a step and no sticky actions")
+        .add_option("--set", options->settings,
+                    "change a setting of the environment, as in train_*; else it is the policy's, or, for "
+                    "you, every frame a step and no sticky actions")
         ->allow_extra_args(false)
         ->take_all()
         ->type_name("KEY=VALUE");
@@ -208,10 +206,9 @@ void add_play(CLI::App& app) {
         .add_option("--video", options->video,
                     "film all that is shown, to this .mp4 file, which must not exist")
         ->type_name("FILE");
-    auto* real_time =
-        command.add_flag("--realtime", options->real_time,
-                         "the console runs at 60 frames a second and waits for nobody, P and R do nothing; "
-                         "at the end it says what was missed");
+    auto* real_time = command.add_flag("--realtime", options->real_time,
+                                       "the console runs at 60 frames a second and waits for nobody, P and R "
+                                       "do nothing; at the end it says what was missed");
     command.add_flag("--no-window", options->no_window, "film only, as fast as it goes");
     command.add_option("--games", options->games, "leave after these; 0: when the window is closed")
         ->transform(whole_numbers(0, 1'000'000))

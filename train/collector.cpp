@@ -26,10 +26,9 @@ std::vector<std::uint32_t> seeds(std::int64_t first, std::int64_t count, std::ui
 std::int64_t share_of(std::int64_t num_envs, const ProcessGroup& processes) {
     const auto share = num_envs / processes.size();
     if (share * processes.size() == num_envs) return share;
-    throw std::invalid_argument(
-        fmt::format("env.num_envs is {}, which {} processes cannot share equally: make it a multiple of "
-                    "WORLD_SIZE",
-                    num_envs, processes.size()));
+    throw std::invalid_argument(fmt::format(
+        "env.num_envs is {}, which {} processes cannot share equally: make it a multiple of WORLD_SIZE",
+        num_envs, processes.size()));
 }
 
 constexpr std::int64_t kPacked = 5, kFrameEvents = std::tuple_size_v<decltype(StepResult::frame_events)>;

@@ -30,8 +30,7 @@ std::string from_checkpoint(const fs::path& folder) {
     if (record == manifest.end()) {
         throw std::runtime_error(
             fmt::format("it holds no {}, as those of older versions and of agents without policy(): resume "
-                        "the run with its "
-                        "train program, which writes one at its end",
+                        "the run with its train program, which writes one at its end",
                         kPolicyFile));
     }
     verify(folder, {*record});

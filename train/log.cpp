@@ -37,10 +37,10 @@ std::string first_rows(const std::filesystem::path& path, std::int64_t rows) {
     auto lines = whole_lines(text);
     if (rows == 0) return "";
     if (std::ssize(lines) < rows + 1 || !lines.front().starts_with(kProgressColumns)) {
-        throw std::runtime_error(fmt::format(
-            "{} does not have the {} rows that it had when the checkpoint was written: it was cut "
-            "or replaced since; restore it, or start a new run",
-            path.string(), rows));
+        throw std::runtime_error(
+            fmt::format("{} does not have the {} rows that it had when the checkpoint was written: it was "
+                        "cut or replaced since; restore it, or start a new run",
+                        path.string(), rows));
     }
     lines.resize(static_cast<std::size_t>(rows) + 1);
     std::vector<std::vector<std::string>> table;

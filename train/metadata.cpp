@@ -108,10 +108,10 @@ std::optional<Metadata> Metadata::read(const fs::path& run_dir) {
     auto& json = metadata.contents_->json;
     json = nlohmann::json::parse(read_file(metadata.file_), nullptr, /*allow_exceptions=*/false);
     const auto refuse = [&](const std::string& why) {
-        throw std::runtime_error(fmt::format(
-            "{} is damaged: {}; put a copy of it back, or move it away and say --threads with the number of "
-            "threads that the run was started with",
-            metadata.file_.string(), why));
+        throw std::runtime_error(
+            fmt::format("{} is damaged: {}; put a copy of it back, or move it away and say --threads with "
+                        "the number of threads that the run was started with",
+                        metadata.file_.string(), why));
     };
     if (!json.is_object()) refuse("it is no JSON object");
     if (const auto key = wrong_key(json))

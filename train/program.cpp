@@ -64,15 +64,14 @@ std::optional<ProcessRank> find_place(const TrainingProgram& program) {
     if (!place) return place;
     if (!program.several_processes) {
         throw ConfigError(
-            fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo "
-                        "trains in several, so start {} without torchrun and with WORLD_SIZE unset",
+            fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo trains in "
+                        "several, so start {} without torchrun and with WORLD_SIZE unset",
                         place->size, program.agent_name, program.name));
     }
     if (program.num_envs % place->size != 0) {
-        throw ConfigError(
-            fmt::format("env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; "
-                        "make it a multiple",
-                        program.num_envs, place->size));
+        throw ConfigError(fmt::format(
+            "env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; make it a multiple",
+            program.num_envs, place->size));
     }
     return place;
 }
@@ -127,10 +126,9 @@ void require_no_run(const fs::path& run_dir) {
     const bool config_of_a_user =
         fs::exists(run_dir / "config.yaml") && !fs::exists(run_dir / "metadata.json");
     if (!config_of_a_user && !has_begun(run_dir)) return;
-    throw ConfigError(
-        fmt::format("--run-dir {}: a run is in there already; choose another folder, or resume it with "
-                    "--resume",
-                    run_dir.string()));
+    throw ConfigError(fmt::format(
+        "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
+        run_dir.string()));
 }
 
 /// Without --run-dir no other process gets the same.
@@ -163,10 +161,9 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
 void check_length(const TrainingProgram& program, const fs::path& run_dir) {
     const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
     if (step > program.settings.train.total_steps) {
-        throw ResumeError(
-            fmt::format("--resume {}: it is at agent step {} already, and train.total_steps is {}; "
-                        "let it be more",
-                        run_dir.string(), step, program.settings.train.total_steps));
+        throw ResumeError(fmt::format(
+            "--resume {}: it is at agent step {} already, and train.total_steps is {}; let it be more",
+            run_dir.string(), step, program.settings.train.total_steps));
     }
 }
 
@@ -187,11 +184,10 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
     }
     if (!different.empty() && !accept) {
-        throw ResumeError(
-            fmt::format("--resume {}: another configuration: {}; resume with the run's own (leave "
-                        "--config and --set out, and its config.yaml as it was), say --accept-changes, or "
-                        "start a new run",
-                        run_dir.string(), different));
+        throw ResumeError(fmt::format(
+            "--resume {}: another configuration: {}; resume with the run's own (leave --config and --set "
+            "out, and its config.yaml as it was), say --accept-changes, or start a new run",
+            run_dir.string(), different));
     }
     if (!of_the_games.empty()) {
         throw ResumeError(
@@ -255,10 +251,9 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
-        throw ResumeError(
-            fmt::format("--accept-changes: what is stored may not fit {}: {}; take that back, or "
-                        "start a new run",
-                        changes, error.what()));
+        throw ResumeError(fmt::format(
+            "--accept-changes: what is stored may not fit {}: {}; take that back, or start a new run",
+            changes, error.what()));
     }
 }
 

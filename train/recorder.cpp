@@ -69,10 +69,10 @@ void check_finite(const std::map<std::string, double>& metrics, const RunState& 
                   const fs::path& run_dir) {
     for (const auto& [name, value] : metrics) {
         if (std::isfinite(value)) continue;
-        throw std::runtime_error(fmt::format(
-            "{} became {} by agent step {}: training stopped, and the last checkpoint in {} is from before; "
-            "a lower agent.learning_rate is the usual remedy",
-            name, value, state.step, (run_dir / "checkpoints").string()));
+        throw std::runtime_error(
+            fmt::format("{} became {} by agent step {}: training stopped, and the last checkpoint in {} is "
+                        "from before; a lower agent.learning_rate is the usual remedy",
+                        name, value, state.step, (run_dir / "checkpoints").string()));
     }
 }
 
@@ -405,11 +405,10 @@ bool Recorder::run_evaluation() {
     const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
     write_evaluation(csv, result);
     if (files_->events) files_->events->write(state_.step, {{"eval/episodic_return", result.mean_return}});
-    files_->console.message(
-        fmt::format("Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over "
-                    "{} game{}; {}{}",
-                    state_.step, result.mean_return, result.standard_deviation, result.games.size(),
-                    result.games.size() == 1 ? "" : "s", csv.string(), films ? ", " + video.string() : ""));
+    files_->console.message(fmt::format(
+        "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}; {}{}",
+        state_.step, result.mean_return, result.standard_deviation, result.games.size(),
+        result.games.size() == 1 ? "" : "s", csv.string(), films ? ", " + video.string() : ""));
     return true;
 }
 

@@ -17,8 +17,8 @@ std::string time_report(const std::filesystem::path& run_dir) {
         const auto found = columns.find(name);
         if (found == columns.end() || found->second.empty()) {
             throw std::runtime_error(
-                fmt::format("{} has no {} yet: a run writes it with its first row, after "
-                            "log.every agent steps or at its end",
+                fmt::format("{} has no {} yet: a run writes it with its first row, after log.every agent "
+                            "steps or at its end",
                             path.string(), name));
         }
         return found->second;

@@ -420,10 +420,9 @@ TEST(EnvSettings, SeveralGamesNeedOneActionSpaceAndAsManyEnvironmentsEach) {
     };
     using cale::ActionSet;
     EXPECT_EQ(cale::box_size(cale::action_space(playing("pong,hero", 2))), 3);
-    EXPECT_THAT(
-        refusal("pong,hero", 3, ActionSet::continuous),
-        HasSubstr("env.num_envs must be a multiple of the 2 games that the environments play in turn, and "
-                  "it is 3; for a run of each game there is `cale sweep`"));
+    EXPECT_THAT(refusal("pong,hero", 3, ActionSet::continuous),
+                HasSubstr("env.num_envs must be a multiple of the 2 games that the environments play in "
+                          "turn, and it is 3; for a run of each game there is `cale sweep`"));
     EXPECT_THAT(
         refusal("pong,hero", 2, ActionSet::minimal),
         HasSubstr("the minimal sets of actions of several games differ; set env.action_space to full"));

@@ -89,12 +89,11 @@ TEST(NetworkSpecTest, LayersThatDoNotFitTogether) {
 TEST(NetworkText, IsReadAsItWasWritten) {
     for (const auto& [name, network] : test::sample_networks())
         EXPECT_EQ(parse_network(network_text(network)), network) << name;
-    EXPECT_EQ(
-        network_text(test::actor(phi_sac(), tanh_branch("actor"))),
-        "observation 2 21 18; conv encoder.conv1 32 3 2 same; relu; conv encoder.conv2 32 3 1 same; relu; "
-        "conv encoder.conv3 32 3 1 same; relu; conv encoder.conv4 32 3 1 same; relu; flatten; "
-        "dense encoder.actor_fc 50; layer_norm encoder.actor_ln; tanh; dense actor.fc1 20; relu; "
-        "squashed_gaussian");
+    EXPECT_EQ(network_text(test::actor(phi_sac(), tanh_branch("actor"))),
+              "observation 2 21 18; conv encoder.conv1 32 3 2 same; relu; conv encoder.conv2 32 3 1 same; "
+              "relu; conv encoder.conv3 32 3 1 same; relu; conv encoder.conv4 32 3 1 same; relu; flatten; "
+              "dense encoder.actor_fc 50; layer_norm encoder.actor_ln; tanh; dense actor.fc1 20; relu; "
+              "squashed_gaussian");
 }
 
 std::string refusal(const std::string& text) {

@@ -316,8 +316,9 @@ TEST(PolicyFileVersion1, IsCheckedAsStrictly) {
     EXPECT_EQ(error("hidden_layers", "99999999999999999999"),
               metadata("'hidden_layers' is '99999999999999999999': it must be a whole number from 0 to 16"));
     EXPECT_EQ(error("dueling", "yes"), metadata("'dueling' is 'yes': it must be true or false"));
-    EXPECT_EQ(error("head", "softmax"), metadata("'head' is 'softmax': it must be one of squashed_gaussian, "
-                                                 "gaussian, categorical, values"));
+    EXPECT_EQ(
+        error("head", "softmax"),
+        metadata("'head' is 'softmax': it must be one of squashed_gaussian, gaussian, categorical, values"));
     EXPECT_EQ(error("encoder", "mlp"),
               metadata("'encoder' is 'mlp': it must be one of phi_sac, phi_dqn, impala"));
     EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));

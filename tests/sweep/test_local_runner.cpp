@@ -157,9 +157,8 @@ TEST_F(LocalSweep, ARunOfOtherSettingsIsRefusedAndTheOthersGoOn) {
     EXPECT_EQ(run({runs[0]}), 0);
     runs[0].run.settings.push_back({"agent.loss", "mse"});
     EXPECT_EQ(run(runs), 1);
-    EXPECT_THAT(said(),
-                HasSubstr("REFUSED    fast_0  trained with other settings: agent.loss was huber and is "
-                          "now mse; give the sweep another --dir"));
+    EXPECT_THAT(said(), HasSubstr("REFUSED    fast_0  trained with other settings: agent.loss was huber and "
+                                  "is now mse; give the sweep another --dir"));
     EXPECT_THAT(said(), HasSubstr("2 runs: 1 finished, 1 refused\n"));
     EXPECT_EQ(fake_.output("fast_0"), "started with output.log \n");
     EXPECT_EQ(state("fast_0"), RunPhase::finished) << "nothing is left behind in a run of somebody else";

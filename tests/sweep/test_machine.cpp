@@ -87,10 +87,9 @@ TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
         machine.gpus = gpus;
         return test::error_of<ConfigError>([&] { share(machine, {.devices = {device}}, runs_of(1)); });
     };
-    EXPECT_EQ(
-        mistake(0, "cuda:0"),
-        "--device cuda:0: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup --cuda on a "
-        "machine with an NVIDIA GPU");
+    EXPECT_EQ(mistake(0, "cuda:0"),
+              "--device cuda:0: this LibTorch finds no CUDA device; use --device cpu, or scripts/setup "
+              "--cuda on a machine with an NVIDIA GPU");
     EXPECT_THAT(mistake(0, "cuda"), testing::HasSubstr("LibTorch finds no CUDA device"));
     EXPECT_EQ(mistake(2, "cuda:2"),
               "--device cuda:2: cuda:2 is not there; this machine has 2, counted from 0");

@@ -115,8 +115,8 @@ TEST_F(SweepPlan, ARunIsACommand) {
     const RunPlace place{.folder = "/runs/x", .threads = 2, .device = "cuda:1"};
     EXPECT_EQ(shell_text(command_of(runs[0], place, /*resume=*/true)),
               runs[0].program.string() +
-                  " --config '/configs/a b.yaml' agent.mode=fast --run-dir /runs/x --threads 2 "
-                  "--device cuda:1 --no-progress --resume");
+                  " --config '/configs/a b.yaml' agent.mode=fast --run-dir /runs/x --threads 2 --device "
+                  "cuda:1 --no-progress --resume");
     EXPECT_THAT(command_of(runs[0], place, /*resume=*/false), testing::Not(testing::Contains("--resume")));
 }
 

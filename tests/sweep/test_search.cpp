@@ -281,9 +281,9 @@ TEST_F(HalvingSearch, GoesOnAfterAnInterruptionWithTheSameResult) {
 TEST_F(HalvingSearch, SaysWhereTheScoresDoNotDecide) {
     equal_ = true;
     ASSERT_EQ(search(), 0);
-    EXPECT_THAT(folder_.read("said"),
-                HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the "
-                          "smaller number went on"));
+    EXPECT_THAT(
+        folder_.read("said"),
+        HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number went on"));
 }
 
 TEST_F(HalvingSearch, TheBestSettingsComeWithThoseThatAllRunsHave) {

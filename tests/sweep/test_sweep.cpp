@@ -63,10 +63,10 @@ TEST_F(SweepCommand, TrainsAndShowsHowItStands) {
 TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     options_.task = SweepTask::show_commands;
     const auto text = answer();
-    EXPECT_THAT(
-        text, HasSubstr(fmt::format("{}/train_fake env.rom_dir={}/roms train.seed=1 env.game=pong --run-dir "
-                                    "{}/Pong__fake__1 --threads 1 --device cpu --no-progress\n",
-                                    fake_.path().string(), fake_.path().string(), fake_.sweep().string())));
+    EXPECT_THAT(text,
+                HasSubstr(fmt::format("{}/train_fake env.rom_dir={}/roms train.seed=1 env.game=pong "
+                                      "--run-dir {}/Pong__fake__1 --threads 1 --device cpu --no-progress\n",
+                                      fake_.path().string(), fake_.path().string(), fake_.sweep().string())));
     EXPECT_FALSE(fs::exists(fake_.sweep()));
     fs::create_directories(fake_.sweep() / "Pong__fake__1/checkpoints/step_000000050");
     fs::create_directories(fake_.sweep() / "Pong__fake__2/checkpoints/step_000000100");
@@ -250,8 +250,8 @@ TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
     const auto command = [&](const std::string& name) {
         return fmt::format(
             "{}/cale sweep {}/sweeps/smoke.yaml --dir {} --jobs 1 --set env.game=pong --set train.seed=1 "
-            "--set agent.encoder=phi_dqn --set train.total_steps=120 --set train.checkpoint_every=40 "
-            "--set eval.episodes=1 >> {} 2>&1",
+            "--set agent.encoder=phi_dqn --set train.total_steps=120 --set train.checkpoint_every=40 --set "
+            "eval.episodes=1 >> {} 2>&1",
             CALE_BINARY_DIR, CALE_SOURCE_DIR, (folder / name).string(), (folder / "said").string());
     };
     ASSERT_EQ(answer_of(command("whole")).status, 0) << folder.read("said");

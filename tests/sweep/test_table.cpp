@@ -58,10 +58,9 @@ TEST(SweepTable, SaysAllThatARunIsRefusedFor) {
                                               .message = "trained with other settings: agent.loss was huber "
                                                          "and is now mse; give the sweep another --dir"});
     EXPECT_EQ(summary(std::vector<RunRow>{refused}), "1 run: 1 refused");
-    EXPECT_THAT(
-        table(std::vector<RunRow>{refused}, 200),
-        testing::EndsWith("\n  trained with other settings: agent.loss was huber and is now mse; give the "
-                          "sweep another --dir\n"));
+    EXPECT_THAT(table(std::vector<RunRow>{refused}, 200),
+                testing::EndsWith("\n  trained with other settings: agent.loss was huber and is now mse; "
+                                  "give the sweep another --dir\n"));
     EXPECT_THAT(table(std::vector<RunRow>{refused}, 86),
                 testing::EndsWith("and is now mse; give the sweep\n  another --dir\n"))
         << "a narrow terminal takes nothing away from it";

@@ -51,8 +51,8 @@ class DistributedEmulator : public testing::Test {
     /// The other's process id is put into the file `pid`.
     std::string two(const std::string& arguments, const std::string& of_the_other) const {
         return fmt::format(
-            "export WORLD_SIZE=2 MASTER_ADDR=127.0.0.1 MASTER_PORT={}; RANK=1 {} > {} 2>&1 & "
-            "echo $! > {}; RANK=0 timeout -s KILL 300 {} > {} 2>&1; code=$?; wait; exit $code",
+            "export WORLD_SIZE=2 MASTER_ADDR=127.0.0.1 MASTER_PORT={}; RANK=1 {} > {} 2>&1 & echo $! > {}; "
+            "RANK=0 timeout -s KILL 300 {} > {} 2>&1; code=$?; wait; exit $code",
             test::free_port(), command(of_the_other), run("other.log").string(), run("pid").string(),
             command(arguments), run("first.log").string());
     }

@@ -70,8 +70,7 @@ class ResumeSlow : public testing::TestWithParam<Case> {
             "{}/train_{} --run-dir {} --threads 1 --no-progress --seed 5 env.game=breakout "
             "env.sticky_probability=0.25 env.max_frames_per_episode=500 train.total_steps=420 "
             "train.checkpoint_every=30 train.keep_every=100 train.keep_best=true log.every=80 eval.every=150 "
-            "eval.episodes=1 eval.video=false "
-            "{} >> {}.log 2>&1",
+            "eval.episodes=1 eval.video=false {} >> {}.log 2>&1",
             CALE_BINARY_DIR, GetParam().program, run.string(), GetParam().settings, run.string());
     }
 };

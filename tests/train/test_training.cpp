@@ -197,8 +197,10 @@ TEST_F(TrainingEmulator, TheLastRowHoldsWhatIsLeftAtTheEnd) {
     EXPECT_EQ(train(agent), Outcome::finished);
     const auto said = testing::internal::GetCapturedStderr();
     EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
-    EXPECT_THAT(said, testing::ContainsRegex("\nstep 170/170  frames [0-9]+  [1-9][0-9.]* steps/s  ETA 0:00  "
-                                             "episodes [^\n]*\nResults: "));
+    EXPECT_THAT(
+        said,
+        testing::ContainsRegex(
+            "\nstep 170/170  frames [0-9]+  [1-9][0-9.]* steps/s  ETA 0:00  episodes [^\n]*\nResults: "));
     EXPECT_EQ(said.find("step 170/170"), said.rfind("step 170/170")) << said;
     std::string events;
     for (const auto& file : fs::directory_iterator(folder.path()))
@@ -269,8 +271,8 @@ TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActio
     testing::internal::CaptureStderr();
     train(discrete);
     EXPECT_THAT(testing::internal::GetCapturedStderr(),
-                testing::ContainsRegex("Mean return of the last [0-9]+ games? in training: [0-9.]+, "
-                                       "[0-9.]+ (less|more) than random play \\(1\\.7\\)\nResults: "));
+                testing::ContainsRegex("Mean return of the last [0-9]+ games? in training: [0-9.]+, [0-9.]+ "
+                                       "(less|more) than random play \\(1\\.7\\)\nResults: "));
     EXPECT_THAT(read_file(folder.path() / "learning_curve.svg"), HasSubstr(">random 1.7<"));
 
     const TemporaryFolder place;
