@@ -20,7 +20,7 @@ namespace cale {
 class CapturedUpdate {
   public:
     /// `generators`: the device's generators that the update draws from.
-    CapturedUpdate(c10::Device device, std::vector<at::Generator> generators);
+    CapturedUpdate(c10::Device device, const std::vector<at::Generator>& generators);
     ~CapturedUpdate();
     CapturedUpdate(CapturedUpdate&&) noexcept;
     CapturedUpdate& operator=(CapturedUpdate&&) noexcept;

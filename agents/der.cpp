@@ -6,24 +6,12 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "agents/critic.h"
 #include "networks/layers.h"
 
 namespace cale {
 
 constexpr double kTiny = 1e-10;  // keeps priorities and probabilities off zero
-
-torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options) {
-    return torch::linspace(-limit, limit, num_atoms, options);
-}
-
-torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
-                                   const torch::Tensor& support) {
-    const auto spacing = support[1] - support[0];
-    const auto clipped = returns.clamp(support[0], support[-1]).unsqueeze(1);  // [B, 1, atoms]
-    // An atom takes from each return what is closer to it than one spacing.
-    const auto share = (1 - (clipped - support.unsqueeze(1)).abs() / spacing).clamp(0, 1);  // [B, to, from]
-    return (share * probabilities.unsqueeze(1)).sum(2);
-}
 
 torch::Tensor importance_weights(const torch::Tensor& probability, double exponent) {
     const auto weights = (probability + kTiny).pow(-exponent);

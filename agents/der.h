@@ -57,14 +57,6 @@ void fields(DerConfig& config, Visit&& visit) {
     visit("importance_exponent", config.importance_exponent, Range{0, 10}, "beta of the importance weights");
 }
 
-/// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].
-torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
-
-/// C51's projection (its algorithm 1): a distribution [B, atoms] over the returns `returns` [B, atoms] as
-/// one over `support` [atoms].
-torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
-                                   const torch::Tensor& support);
-
 /// PER's importance weights [B], over their largest.
 torch::Tensor importance_weights(const torch::Tensor& probability, double exponent);
 

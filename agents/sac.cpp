@@ -1,6 +1,5 @@
 #include "agents/sac.h"
 
-#include <array>
 #include <map>
 #include <string>
 
@@ -11,29 +10,24 @@
 
 namespace cale {
 
-std::span<const std::string_view> names_of(CriticTarget) {
-    static constexpr std::array<std::string_view, 2> names{"target_mean_action", "sampled_action"};
-    return names;
-}
-
 // Losses ------------------------------------------------------------------------------
 
 namespace {
 
 /// y of SAC's equation 5: the reward and the soft value of what follows.
-torch::Tensor target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
+CriticTargets target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
                             const Batch& batch, const SacNoise& noise, const SacConfig& config) {
     const torch::NoGradGuard no_grad;
     const auto features = target->encoder->trunk(batch.next_observation);
-    const bool targets_mean = config.critic_target == CriticTarget::target_mean_action;
+    const bool targets_mean = config.critic.target == CriticTarget::target_mean_action;
     const auto policy = targets_mean ? target->policy(features)
                                      : network->policy(network->encoder->trunk(batch.next_observation));
     const auto next = sample(policy, noise.target, target->box);
     const auto action = targets_mean ? mean_action(policy, target->box) : next.action;
-    const auto q =
-        target->values(target->encoder->critic_branch(features), action).estimate(config.twin_estimate);
-    const auto value = config.entropy_in_target ? q - alpha * next.log_prob : q;
-    return bootstrapped(batch, value, config.replay.reward_scale);
+    const auto outputs = target->outputs(target->encoder->critic_branch(features), action);
+    const auto entropy = config.entropy_in_target ? -alpha * next.log_prob : torch::zeros_like(next.log_prob);
+    return critic_targets(outputs, target->support, config.twin_estimate, entropy, batch,
+                          config.replay.reward_scale);
 }
 
 }  // namespace
@@ -52,11 +46,12 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     // Critics, SAC's equation 5.
     const auto features = network->encoder->trunk(batch.observation);
     const auto critic_z = network->encoder->critic_branch(features);
-    const auto q = network->values(critic_z, batch.action.to(y.dtype()));
-    SacLosses losses{.critic = ((q.q1 - y).square() + (q.q2 - y).square()).mean(),
+    const auto outputs = network->outputs(critic_z, batch.action.to(y.values.dtype()));
+    const auto q = mean_returns(outputs, network->support);
+    SacLosses losses{.critic = critic_loss(outputs, network->support, y),
                      .q1 = q.q1.detach(),
                      .q2 = q.q2.detach(),
-                     .target_values = y};
+                     .target_values = y.values};
     if (!with_actor) return losses;
 
     // Actor, SAC's equation 9.
@@ -83,7 +78,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 
 SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator) {
     return SacNetwork(config.network.encoder_for(spec), config.head(), generator,
-                      action_box(spec.action_space));
+                      action_box(spec.action_space), config.critic.support());
 }
 
 namespace {

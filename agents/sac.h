@@ -6,21 +6,16 @@
 #pragma once
 
 #include <memory>
-#include <span>
-#include <string_view>
 
 #include <torch/types.h>
 
 #include "agents/actor_critic_state.h"
 #include "agents/agent.h"
+#include "agents/critic.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
 
 namespace cale {
-
-/// Whose action the critics' target values: see SacConfig::critic_target.
-enum class CriticTarget { target_mean_action, sampled_action };
-std::span<const std::string_view> names_of(CriticTarget);
 
 /// The defaults are CALE's for 200 million frames.
 struct SacConfig : ActorCriticSettings {
@@ -28,7 +23,7 @@ struct SacConfig : ActorCriticSettings {
     static constexpr bool kDiscrete = false;
 
     double target_entropy = -1.5;
-    CriticTarget critic_target = CriticTarget::target_mean_action;
+    CriticSettings critic;
     RandomActions random_actions = RandomActions::box;
 };
 
@@ -37,9 +32,7 @@ void fields(SacConfig& config, Visit&& visit) {
     fields(static_cast<ActorCriticSettings&>(config), visit);
     visit("target_entropy", config.target_entropy, Range{-1000, 1000},
           "entropy of the policy that alpha is adjusted for");
-    visit("critic_target", config.critic_target,
-          "target_mean_action: value of the target actor's mean action; sampled_action: of the online "
-          "actor's sample, as in Haarnoja et al.");
+    fields(config.critic, visit);
     visit("random_actions", config.random_actions,
           "in the warm-up and by epsilon, in training; events: among the 18 of the joystick");
 }

@@ -122,8 +122,8 @@ ContinuousAction factored_stick(std::int64_t action) {
         throw std::out_of_range("there is no action " + std::to_string(action) +
                                 " among the 18 of the factored joystick");
     }
-    const auto x = static_cast<float>(action / 6 - 1), y = static_cast<float>(action / 2 % 3 - 1);
-    return at_position(x, y, static_cast<float>(action % 2));
+    const auto x = action / 6 - 1, y = action / 2 % 3 - 1;
+    return at_position(static_cast<float>(x), static_cast<float>(y), static_cast<float>(action % 2));
 }
 
 std::span<const Event> factored_events() {

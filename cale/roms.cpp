@@ -15,7 +15,7 @@ std::filesystem::path from_environment(const char* name) {
 
 // Where scripts/setup puts what it installs.
 std::filesystem::path deps_dir() {
-    if (const auto deps = from_environment("CALE_DEPS_DIR"); !deps.empty()) return deps;
+    if (auto deps = from_environment("CALE_DEPS_DIR"); !deps.empty()) return deps;
     if (const auto cache = from_environment("XDG_CACHE_HOME"); !cache.empty()) return cache / "cale";
     return from_environment("HOME") / ".cache" / "cale";
 }

@@ -56,7 +56,7 @@ std::string number_text(double value, Format... format) {
 
 /// The fewest digits that are read back as the same number, with an exponent below 1e-4 and from 1e16 on.
 std::string exact_number(double value) {
-    const auto text = number_text(value, std::chars_format::scientific);
+    auto text = number_text(value, std::chars_format::scientific);
     const auto exponent = text.find('e');
     if (exponent == text.npos) return text;  // inf, nan
     const auto power = number_in<int>(plain_number(std::string_view(text).substr(exponent + 1)));
@@ -66,7 +66,7 @@ std::string exact_number(double value) {
 /// 1000000000000 -> 1e12, where nothing is lost.
 std::string short_number(double value) {
     const bool whole = value == std::trunc(value) && std::abs(value) <= 0x1p53;
-    const auto exact = whole ? std::to_string(static_cast<std::int64_t>(value)) : number_text(value);
+    auto exact = whole ? std::to_string(static_cast<std::int64_t>(value)) : number_text(value);
     if (std::abs(value) < 1e6) return exact;
     const auto rounded = number_text(value, std::chars_format::scientific, 0);  // 1e+12, 1e+09
     const auto digits = rounded.find_first_not_of("+0", rounded.find('e') + 1);

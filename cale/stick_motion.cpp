@@ -52,7 +52,9 @@ std::string changed_settings(const StickMotion& motion) {
     std::string text;
     for (std::size_t i = 0; i < settings.size(); ++i) {
         const auto& [name, value] = settings[i];
-        if (value != usual[i].second) text += (text.empty() ? "" : ", ") + name + ' ' + value;
+        if (value == usual[i].second) continue;
+        if (!text.empty()) text += ", ";
+        text.append(name).append(1, ' ').append(value);
     }
     return text;
 }

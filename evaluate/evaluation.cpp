@@ -33,9 +33,9 @@ class Film {
           pictures_per_second_(60.0 / static_cast<double>(env.frame_skip)),
           most_pictures_(minutes * 60 * pictures_per_second_) {}
 
-    void shoot(const Env& env, Scene scene) {
+    void shoot(const Env& env, const Scene& scene) {
         if (++pictures_ > most_pictures_ && writer_) return;
-        const Image image = compose_frame(env, std::move(scene));
+        const Image image = compose_frame(env, scene);
         if (!writer_) writer_.emplace(path_, image.width, image.height, pictures_per_second_, 1);
         writer_->write(image.rgb);
     }

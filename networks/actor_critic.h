@@ -14,21 +14,29 @@
 
 namespace cale {
 
+/// Returns critics' values [B] from their outputs: see SacNetworkImpl::outputs().
+TwinValues mean_returns(const TwinValues& outputs, const torch::Tensor& support);
+
 /// A squashed Gaussian on a box of A axes, and critics of (state, action). float32 on the CPU until moved.
 class SacNetworkImpl : public torch::nn::Module {
   public:
     SacNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
-                   at::Generator generator, ActionBox action_box = joystick_box());
+                   at::Generator generator, ActionBox action_box = joystick_box(),
+                   torch::Tensor critic_support = {});
 
     /// The policy on the encoder's features [B, F]; its gradient does not reach the trunk.
     SquashedGaussian policy(const torch::Tensor& features);
-    /// Q1 and Q2 [B] of the critic's branch [B, Z] and an action [B, A] in the box's own units.
+    /// What the critics say of their branch [B, Z] and an action [B, A] in the box's own units: [B, 1] each,
+    /// or the logits [B, atoms] of the returns in `support`.
+    TwinValues outputs(const torch::Tensor& critic_z, const torch::Tensor& action);
+    /// Q1 and Q2 [B], their means.
     TwinValues values(const torch::Tensor& critic_z, const torch::Tensor& action);
 
     TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
     Mlp actor{nullptr};                 // actor.*: means and log standard deviations [B, 2 A]
     TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
     ActionBox box;                      // beside the parameters, as buffers
+    torch::Tensor support;              // [atoms], a buffer; undefined where the critics' outputs are values
     NetworkSpec acting;                 // the half that acts
 };
 using SacNetwork = torch::nn::ModuleHolder<SacNetworkImpl>;

@@ -101,6 +101,7 @@ namespace {
 
 std::vector<torch::Tensor> gradients_of(const std::vector<torch::Tensor>& parameters) {
     std::vector<torch::Tensor> gradients;
+    gradients.reserve(parameters.size());
     for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
     return gradients;
 }
@@ -122,7 +123,7 @@ std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum) {
     const torch::NoGradGuard no_grad;
     const auto gradients = gradients_of(parameters);
-    const auto norm = global_norm(gradients);
+    auto norm = global_norm(gradients);
     at::_foreach_mul_(gradients, (maximum / norm).clamp_max(1));
     return norm;
 }

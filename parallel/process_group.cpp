@@ -108,8 +108,8 @@ std::optional<ProcessRank> rank_from_environment() {
 }
 
 struct ProcessGroup::Impl {
-    Impl(const ProcessRank& place_, c10::Device device_, std::chrono::milliseconds timeout)
-        : place(place_), device(device_) {
+    Impl(const ProcessRank& rank, c10::Device own_device, std::chrono::milliseconds timeout)
+        : place(rank), device(own_device) {
         try {
             const auto store = meeting_place(place);
             host = c10::make_intrusive<c10d::ProcessGroupGloo>(

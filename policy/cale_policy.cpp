@@ -14,8 +14,8 @@ struct cale_policy {
 };
 
 struct cale_session {
-    cale_session(const cale::lite::Policy& policy_, int screen_height, std::uint64_t seed)
-        : policy(policy_),
+    cale_session(const cale::lite::Policy& shared, int screen_height, std::uint64_t seed)
+        : policy(shared),
           workspace(policy.workspace()),
           random(seed),
           observer(policy.info(), screen_height) {}

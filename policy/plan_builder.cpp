@@ -33,8 +33,8 @@ class InferencePlan::Builder {
         plan_.pixels_ = now_.place;
         for (std::size_t i = 0; i < layers_.size();) i = add(i);
         const auto input = now_;
-        const auto& head = file_.network.head;
-        for (const auto& layer : head_layers(head, layers_.back().out.channels)) {
+        const auto& spec = file_.network.head;
+        for (const auto& layer : head_layers(spec, layers_.back().out.channels)) {
             const bool second = layer.name == "head.value";
             const auto shared = second ? plan_.steps_.back().noise : std::nullopt;
             now_ = input;
@@ -42,12 +42,12 @@ class InferencePlan::Builder {
             (second ? plan_.value_ : plan_.outputs_) = now_.place;
         }
         plan_.actions_ = plan_.outputs_;
-        if (!head.factors.empty()) {
-            plan_.combine_ = factor_means(head.factors);
-            plan_.actions_ = new_value({head.num_actions * head.num_atoms}).place;
+        if (!spec.factors.empty()) {
+            plan_.combine_ = factor_means(spec.factors);
+            plan_.actions_ = new_value({spec.num_actions * spec.num_atoms}).place;
         }
-        if (head.kind == Head::Kind::gaussian) plan_.log_std_ = keep_weights("actor.log_std");
-        plan_.output_ = new_value({output_size(head)}).place;
+        if (spec.kind == Head::Kind::gaussian) plan_.log_std_ = keep_weights("actor.log_std");
+        plan_.output_ = new_value({output_size(spec)}).place;
     }
 
   private:

@@ -179,6 +179,7 @@ std::string policy_file_contents(const PolicyFile& policy) {
 
     // The bytes last: then every number lies at a multiple of its size.
     std::vector<NamedShape> order;
+    order.reserve(tensors.size());
     for (const auto& [name, tensor] : tensors) order.push_back({name, tensor.type, tensor.shape});
     std::stable_partition(order.begin(), order.end(),
                           [](const NamedShape& tensor) { return tensor.type == ElementType::f32; });

@@ -5,7 +5,7 @@ namespace cale {
 
 struct CapturedUpdate::Impl {};
 
-CapturedUpdate::CapturedUpdate(c10::Device, std::vector<at::Generator>) {}
+CapturedUpdate::CapturedUpdate(c10::Device, const std::vector<at::Generator>&) {}
 CapturedUpdate::~CapturedUpdate() = default;
 CapturedUpdate::CapturedUpdate(CapturedUpdate&&) noexcept = default;
 CapturedUpdate& CapturedUpdate::operator=(CapturedUpdate&&) noexcept = default;

@@ -24,9 +24,9 @@ void make_wait(const c10::cuda::CUDAStream& later, const c10::cuda::CUDAStream& 
 }  // namespace
 
 struct CapturedUpdate::Impl {
-    Impl(c10::Device device, std::vector<at::Generator> generators_)
+    Impl(c10::Device device, const std::vector<at::Generator>& drawn_from)
         : stream(c10::cuda::getStreamFromPool(/*isHighPriority=*/false, device.index())),
-          generators(std::move(generators_)) {}
+          generators(drawn_from) {}
 
     /// On the stream of the recording, as LibTorch's autograd remembers where gradients were first made.
     void run_by_kernel(const std::function<void()>& update) {
@@ -64,8 +64,8 @@ struct CapturedUpdate::Impl {
     std::unique_ptr<at::cuda::CUDAGraph> graph;
 };
 
-CapturedUpdate::CapturedUpdate(c10::Device device, std::vector<at::Generator> generators) {
-    if (device.is_cuda()) impl_ = std::make_unique<Impl>(device, std::move(generators));
+CapturedUpdate::CapturedUpdate(c10::Device device, const std::vector<at::Generator>& generators) {
+    if (device.is_cuda()) impl_ = std::make_unique<Impl>(device, generators);
 }
 CapturedUpdate::~CapturedUpdate() = default;
 CapturedUpdate::CapturedUpdate(CapturedUpdate&&) noexcept = default;

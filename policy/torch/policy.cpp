@@ -41,12 +41,12 @@ torch::Tensor view_of(std::span<const std::uint8_t> observation, std::vector<std
 }  // namespace
 
 struct Policy::Impl {
-    Impl(const PolicyFile& file, torch::Device device_)
+    Impl(const PolicyFile& file, torch::Device own_device)
         : info(file.info),
           head(file.network.head.kind),
           noisy(is_noisy(file.network)),
           observation(file.network.observation),
-          device(device_),
+          device(own_device),
           network(file.network, file.weights, device),
           box(box_on(device, file.info.joystick)) {}
 

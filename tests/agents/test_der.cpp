@@ -9,6 +9,7 @@
 #include <torch/utils.h>
 
 #include "agent_worlds.h"
+#include "agents/critic.h"
 #include "agents/random.h"
 #include "expect_refused.h"
 
@@ -25,52 +26,6 @@ TEST(QNetwork, ParameterCountOfTheReferencesDer) {
 }
 
 // Pieces ------------------------------------------------------------------------------
-
-TEST(AtomSupport, SpreadsTheAtomsEvenly) {
-    EXPECT_TRUE(
-        torch::equal(atom_support(5, 10, kDouble), torch::tensor({-10.0, -5.0, 0.0, 5.0, 10.0}, kDouble)));
-}
-
-/// All of the probability on one return.
-torch::Tensor projected(double value) {
-    const auto support = torch::tensor({-1.0, 0.0, 1.0}, kDouble);
-    return project_distribution(torch::full({1, 3}, value, kDouble),
-                                torch::tensor({{0.5, 0.25, 0.25}}, kDouble), support);
-}
-
-TEST(ProjectDistribution, AReturnIsSharedByTheAtomsBesideIt) {
-    EXPECT_TRUE(torch::allclose(projected(0.25), torch::tensor({{0.0, 0.75, 0.25}}, kDouble)));
-    EXPECT_TRUE(torch::allclose(projected(-0.5), torch::tensor({{0.5, 0.5, 0.0}}, kDouble)));
-    EXPECT_TRUE(torch::allclose(projected(0), torch::tensor({{0.0, 1.0, 0.0}}, kDouble)));
-}
-
-TEST(ProjectDistribution, WhatLiesOutsideCountsForTheAtomAtTheEnd) {
-    EXPECT_TRUE(torch::allclose(projected(7), torch::tensor({{0.0, 0.0, 1.0}}, kDouble)));
-    EXPECT_TRUE(torch::allclose(projected(-1.25), torch::tensor({{1.0, 0.0, 0.0}}, kDouble)));
-}
-
-TEST(ProjectDistribution, EachReturnKeepsItsProbability) {
-    // -0.5, 0.25 and 3 with probabilities 1/2, 1/4 and 1/4, in the second row of a batch.
-    const auto returns = torch::tensor({{0.0, 0.0, 0.0}, {-0.5, 0.25, 3.0}}, kDouble);
-    const auto probabilities = torch::tensor({{1.0, 0.0, 0.0}, {0.5, 0.25, 0.25}}, kDouble);
-    const auto expected =
-        torch::tensor({{0.0, 1.0, 0.0}, {0.25, 0.25 + 0.75 * 0.25, 0.25 * 0.25 + 0.25}}, kDouble);
-    EXPECT_TRUE(torch::allclose(
-        project_distribution(returns, probabilities, torch::tensor({-1.0, 0.0, 1.0}, kDouble)), expected));
-}
-
-TEST(ProjectDistribution, ConservesMassAndWithinTheSupportTheMean) {
-    const auto support = atom_support(51, 10, torch::kFloat32);
-    const auto probabilities = torch::randn({64, 51}, make_generator(1)).softmax(1);
-    const auto narrow = 0.3 * torch::randn({64, 1}, make_generator(2)) + 0.9 * support;
-    const auto wide = 3 * narrow;
-    for (const auto& returns : {narrow, wide}) {
-        const auto mass = project_distribution(returns, probabilities, support).sum(1);
-        EXPECT_TRUE(torch::allclose(mass, torch::ones({64}), 1e-5, 1e-5));
-    }
-    const auto kept = project_distribution(narrow, probabilities, support);
-    EXPECT_TRUE(torch::allclose((kept * support).sum(1), (narrow * probabilities).sum(1), 1e-4, 1e-4));
-}
 
 TEST(ImportanceWeights, ArePowersOfTheProbabilityOverTheirLargest) {
     const auto probability = torch::tensor({0.4, 0.1, 0.025}, kDouble);

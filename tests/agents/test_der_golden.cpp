@@ -6,6 +6,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "agents/critic.h"
 #include "agents/der.h"
 #include "agents/random.h"
 #include "golden_network.h"

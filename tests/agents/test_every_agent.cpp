@@ -105,6 +105,7 @@ Kind sac_plus() {
                 config.replay.random_shift = 2;
                 config.exploration = Exploration::epsilon_greedy;
                 config.random_actions = RandomActions::events;
+                config.critic.atoms = 11;
                 config.epsilon = settings.epsilon;
                 config.actor_period = settings.actor_period;
                 config.weight_decay = 0.1;

@@ -74,7 +74,7 @@ struct Problem {
 TEST(SacLosses, TargetOfASampledActionIsTheOnlineActorsAsInSac) {
     const torch::NoGradGuard no_grad;
     Problem p;
-    p.config.critic_target = CriticTarget::sampled_action;
+    p.config.critic.target = CriticTarget::sampled_action;
     const auto next = sample(p.network->policy(p.network->encoder->trunk(p.batch.next_observation)),
                              p.noise.target, p.network->box);
     const auto z = p.target->encoder->critic_branch(p.target->encoder->trunk(p.batch.next_observation));
@@ -82,7 +82,7 @@ TEST(SacLosses, TargetOfASampledActionIsTheOnlineActorsAsInSac) {
     const auto expected =
         0.1 * p.batch.n_step_return.to(torch::kFloat64) + p.batch.discount.to(torch::kFloat64) * value;
     EXPECT_TRUE(torch::allclose(p.losses().target_values, expected));
-    p.config.critic_target = CriticTarget::target_mean_action;
+    p.config.critic.target = CriticTarget::target_mean_action;
     EXPECT_FALSE(torch::allclose(p.losses().target_values, expected));
 }
 
@@ -95,7 +95,7 @@ TEST(SacLosses, NothingFollowsWhereTheDiscountIsZero) {
 TEST(SacLosses, TheTargetMayLeaveTheEntropyOut) {
     const torch::NoGradGuard no_grad;
     Problem p;
-    p.config.critic_target = CriticTarget::sampled_action;
+    p.config.critic.target = CriticTarget::sampled_action;
     const auto with = p.losses().target_values;
     const auto next = sample(p.network->policy(p.network->encoder->trunk(p.batch.next_observation)),
                              p.noise.target, p.network->box);

@@ -1,0 +1,58 @@
+#include "agents/critic.h"
+
+#include <array>
+
+#include "agents/off_policy.h"
+
+namespace cale {
+
+torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options) {
+    return torch::linspace(-limit, limit, num_atoms, options);
+}
+
+torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
+                                   const torch::Tensor& support) {
+    const auto spacing = support[1] - support[0];
+    const auto clipped = returns.clamp(support[0], support[-1]).unsqueeze(1);  // [B, 1, atoms]
+    // An atom takes from each return what is closer to it than one spacing.
+    const auto share = (1 - (clipped - support.unsqueeze(1)).abs() / spacing).clamp(0, 1);  // [B, to, from]
+    return (share * probabilities.unsqueeze(1)).sum(2);
+}
+
+std::span<const std::string_view> names_of(CriticTarget) {
+    static constexpr std::array<std::string_view, 2> names{"target_mean_action", "sampled_action"};
+    return names;
+}
+
+torch::Tensor CriticSettings::support() const {
+    return atoms > 1 ? atom_support(atoms, limit, torch::kFloat32) : torch::Tensor();
+}
+
+CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
+                             const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
+    const auto q = mean_returns(outputs, support);
+    CriticTargets targets{bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale), {}};
+    if (!support.defined()) return targets;
+
+    const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
+    const auto next =
+        estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
+    const auto moved = support.unsqueeze(1) + bonus;  // [atoms, B]
+    const auto returns = bootstrapped(batch, moved, reward_scale).t().contiguous();
+    targets.distribution = project_distribution(returns, next, support);
+    return targets;
+}
+
+torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,
+                          const CriticTargets& targets) {
+    if (support.defined()) {
+        const auto cross_entropy = [&](const torch::Tensor& logits) {
+            return -(targets.distribution * logits.log_softmax(1)).sum(1);
+        };
+        return (cross_entropy(outputs.q1) + cross_entropy(outputs.q2)).mean();
+    }
+    const auto q = mean_returns(outputs, support);
+    return ((q.q1 - targets.values).square() + (q.q2 - targets.values).square()).mean();
+}
+
+}  // namespace cale

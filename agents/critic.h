@@ -1,0 +1,68 @@
+// What SAC's critics learn of a state and an action: the mean return, or the return's distribution (C51), as
+// the network of DER does.
+//   Bellemare et al. 2017, "A Distributional Perspective on Reinforcement Learning" (C51 below)
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include <torch/types.h>
+
+#include "cale/fields.h"
+#include "networks/actor_critic.h"
+#include "replay/types.h"
+
+namespace cale {
+
+/// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].
+torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
+
+/// C51's projection (its algorithm 1): a distribution [B, atoms] over the returns `returns` [B, atoms] as
+/// one over `support` [atoms].
+torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
+                                   const torch::Tensor& support);
+
+/// Whose action the critics' target values: see CriticSettings::target.
+enum class CriticTarget { target_mean_action, sampled_action };
+std::span<const std::string_view> names_of(CriticTarget);
+
+struct CriticSettings {
+    CriticTarget target = CriticTarget::target_mean_action;
+    std::int64_t atoms = 1;
+    double limit = 10;
+
+    /// Returns the atoms' returns, float32 on the CPU; undefined for a critic of the mean.
+    torch::Tensor support() const;
+};
+
+template <class Visit>
+void fields(CriticSettings& settings, Visit&& visit) {
+    visit("critic_target", settings.target,
+          "target_mean_action: value of the target actor's mean action; sampled_action: of the online "
+          "actor's sample, as in Haarnoja et al.");
+    visit("critic_atoms", settings.atoms, Range{1, 10'000},
+          "returns that the distribution of a critic is made of (C51); 1: it learns the mean return");
+    visit("critic_limit", settings.limit, Range{1e-6, 1e9},
+          "where there are several atoms: they lie between plus and minus this");
+}
+
+/// What both critics are to say of the stored actions.
+struct CriticTargets {
+    torch::Tensor values;        // [B] y
+    torch::Tensor distribution;  // [B, atoms] of y, projected; undefined for critics of the mean
+};
+
+/// Returns the targets that follow from the target critics' `outputs` at the next state and from the `bonus`
+/// [B] on their value, as SAC's equation 3 has with the policy's entropy. Of two distributions the one with
+/// the smaller mean is taken for each transition, or their mixture (`estimate`); its returns are moved by the
+/// bonus.
+CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
+                             const torch::Tensor& bonus, const Batch& batch, double reward_scale);
+
+/// Returns the sum of both critics' mean losses [], with gradients: squared errors, SAC's equation 5 without
+/// its factor 1/2; of distributions cross-entropies, C51's equation 7.
+torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,
+                          const CriticTargets& targets);
+
+}  // namespace cale
