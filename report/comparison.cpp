@@ -260,8 +260,8 @@ void leave_out_recorded(Comparison& comparison) {
         if (own == 0 || !is_recorded(group)) return false;
         std::vector<std::string_view> missing;
         for (const auto& [game, groups] : groups_with) {
-            if (groups == own &&
-                std::ranges::none_of(group.runs, [&](const Run& run) { return run.game->name == game; }))
+            const auto game_of = [](const Run& run) -> std::string_view { return run.game->name; };
+            if (groups == own && std::ranges::find(group.runs, game, game_of) == group.runs.end())
                 missing.push_back(game);
         }
         if (!missing.empty())

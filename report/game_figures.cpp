@@ -170,6 +170,7 @@ std::pair<Picture, Grid> small_multiples(const std::string& title, const Compari
     Picture picture = titled_picture(title, Grid(count, 0).width());
     double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
     std::vector<std::string> names;
+    names.reserve(references.size());
     for (const auto& reference : references) names.push_back(reference.name);
     top += draw_letter_key(picture, "dashed", names, top);
     return {std::move(picture), Grid(count, top)};

@@ -97,100 +97,134 @@ std::vector<double> mean_returns(const EpisodeHistory& episodes, double window) 
     return means;
 }
 
-Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
-                       const std::vector<ReferenceScore>& references) {
-    const auto count = episodes.returns.size();
-    const auto window = std::clamp<std::size_t>(count / 10, 1, 100);
-    const auto averages = moving_average(episodes.returns, window);
+namespace {
 
-    double low = 0, high = 1, last_step = 1;
-    if (count > 0) {
-        const auto [lowest, highest] = std::minmax_element(episodes.returns.begin(), episodes.returns.end());
-        low = *lowest;
-        high = *highest;
-        last_step = std::max(1.0, episodes.steps.back());
+struct ReturnRange {
+    double low = 0, high = 1;
+
+    /// Whether a score can be shown beside this without pressing it together.
+    bool is_near(double score) const {
+        const double span = high - low;
+        return score > high - 3 * span && score < low + 3 * span;
     }
-    if (low == high) {
-        low -= 1;
-        high += 1;
+};
+
+/// Where steps and returns lie in the picture.
+struct Axes {
+    ReturnRange returns;
+    double last_step, right;
+
+    double x(double step) const { return kLeft + step / last_step * (right - kLeft); }
+    double y(double value) const {
+        return kBottom - (value - returns.low) / (returns.high - returns.low) * (kBottom - kTop);
     }
-    const double data_span = high - low, data_low = low, data_high = high;
-    const auto fits = [&](double score) {
-        return score > data_high - 3 * data_span && score < data_low + 3 * data_span;
-    };
+};
+
+/// Of the returns; of none, or of several equal ones, a range around them.
+ReturnRange range_of(const std::vector<double>& returns) {
+    ReturnRange range;
+    if (!returns.empty()) {
+        const auto [lowest, highest] = std::minmax_element(returns.begin(), returns.end());
+        range = {*lowest, *highest};
+    }
+    if (range.low == range.high) range = {range.low - 1, range.high + 1};
+    return range;
+}
+
+/// The returns, the references that are near them, and a margin.
+ReturnRange shown_range(const ReturnRange& returns, const std::vector<ReferenceScore>& references) {
+    ReturnRange shown = returns;
     for (const auto& reference : references) {
-        if (!fits(reference.score)) continue;
-        low = std::min(low, reference.score);
-        high = std::max(high, reference.score);
+        if (!returns.is_near(reference.score)) continue;
+        shown.low = std::min(shown.low, reference.score);
+        shown.high = std::max(shown.high, reference.score);
     }
-    const double margin = 0.04 * (high - low);
-    low -= margin;
-    high += margin;
+    const double margin = 0.04 * (shown.high - shown.low);
+    return {shown.low - margin, shown.high + margin};
+}
 
-    const double right = references.empty() ? kRightEdge : kRightEdge - kRoomForReferences;
-    const auto x = [&](double step) { return kLeft + step / last_step * (right - kLeft); };
-    const auto y = [&](double value) { return kBottom - (value - low) / (high - low) * (kBottom - kTop); };
-
-    Picture picture{.width = 800, .height = 450, .title = title};
-    const auto rows = nice_ticks(low, high, 6);
+void draw_axes(Picture& picture, const Axes& axes) {
+    const auto rows = nice_ticks(axes.returns.low, axes.returns.high, 6);
     const auto row_texts = tick_texts(rows);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        const double height = y(rows[i]);
-        picture.lines.push_back({{{kLeft, height}, {right, height}}, kGrid, 1});
+        const double height = axes.y(rows[i]);
+        picture.lines.push_back({{{kLeft, height}, {axes.right, height}}, kGrid, 1});
         picture.words.push_back({row_texts[i], {kLeft - 8, height + 4}, kFaintInk, 12, Anchor::end});
     }
-    const auto columns = nice_ticks(0, last_step, 6);
+    const auto columns = nice_ticks(0, axes.last_step, 6);
     const auto column_texts = tick_texts(columns);
     for (std::size_t i = 0; i < columns.size(); ++i) {
-        const double place = x(columns[i]);
+        const double place = axes.x(columns[i]);
         picture.lines.push_back({{{place, kBottom}, {place, kBottom + 5}}, kFaintInk, 1});
         picture.words.push_back({column_texts[i], {place, kBottom + 19}, kFaintInk, 12, Anchor::middle});
     }
-    picture.lines.push_back({{{kLeft, kBottom}, {right, kBottom}}, kFaintInk, 1});
+    picture.lines.push_back({{{kLeft, kBottom}, {axes.right, kBottom}}, kFaintInk, 1});
+}
 
-    std::vector<Point> thin, bold;
-    for (std::size_t i = 0; i < count; ++i) {
-        thin.push_back({x(episodes.steps[i]), y(episodes.returns[i])});
-        bold.push_back({x(episodes.steps[i]), y(averages[i])});
-    }
-    if (count > 0) {
-        picture.lines.push_back({thinned(thin), kThin, 0.8});
-        picture.lines.push_back({thinned(bold), kBold, 2.4});
-    } else {
+void draw_returns(Picture& picture, const Axes& axes, const EpisodeHistory& episodes, std::size_t window) {
+    if (episodes.returns.empty()) {
         picture.words.push_back({"no episode has ended yet",
-                                 {(kLeft + right) / 2, (kTop + kBottom) / 2},
+                                 {(kLeft + axes.right) / 2, (kTop + kBottom) / 2},
                                  kFaintInk,
                                  15,
                                  Anchor::middle});
+        return;
     }
+    const auto averages = moving_average(episodes.returns, window);
+    std::vector<Point> thin, bold;
+    for (std::size_t i = 0; i < averages.size(); ++i) {
+        thin.push_back({axes.x(episodes.steps[i]), axes.y(episodes.returns[i])});
+        bold.push_back({axes.x(episodes.steps[i]), axes.y(averages[i])});
+    }
+    picture.lines.push_back({thinned(thin), kThin, 0.8});
+    picture.lines.push_back({thinned(bold), kBold, 2.4});
+}
 
-    // Their words stand to the right of the curve, one below the other where they would overlap.
-    double lowest_free = kTop - 20;
-    auto from_above = references;
-    std::sort(from_above.begin(), from_above.end(),
+/// Their words stand to the right of the curve, one below the other where they would overlap.
+void draw_references(Picture& picture, const Axes& axes, const ReturnRange& returns,
+                     std::vector<ReferenceScore> references) {
+    std::sort(references.begin(), references.end(),
               [](const auto& a, const auto& b) { return a.score > b.score; });
-    for (const auto& reference : from_above) {
-        const double height = std::clamp(y(reference.score), kTop, kBottom);
+    double lowest_free = kTop - 20;
+    for (const auto& reference : references) {
+        const double height = std::clamp(axes.y(reference.score), kTop, kBottom);
         const double baseline = std::max(height + 4, lowest_free);
         lowest_free = baseline + 15;
         // One decimal, as scores are published.
         const double shown = std::round(10 * reference.score) / 10 + 0.0;
         picture.words.push_back(
-            {fmt::format("{} {:g}", reference.label, shown), {right + 8, baseline}, kReference, 12});
-        if (fits(reference.score)) {
-            picture.lines.push_back({{{kLeft, height}, {right, height}}, kReference, 1.2, true});
+            {fmt::format("{} {:g}", reference.label, shown), {axes.right + 8, baseline}, kReference, 12});
+        if (returns.is_near(reference.score)) {
+            picture.lines.push_back({{{kLeft, height}, {axes.right, height}}, kReference, 1.2, true});
         } else {
-            picture.words.push_back({reference.score > high ? "(far above)" : "(far below)",
-                                     {right + 8, baseline + 15},
+            picture.words.push_back({reference.score > axes.returns.high ? "(far above)" : "(far below)",
+                                     {axes.right + 8, baseline + 15},
                                      kReference,
                                      12});
             lowest_free += 15;
         }
     }
+}
+
+}  // namespace
+
+Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
+                       const std::vector<ReferenceScore>& references) {
+    const auto count = episodes.returns.size();
+    const auto window = std::clamp<std::size_t>(count / 10, 1, 100);
+    const auto returns = range_of(episodes.returns);
+    const Axes axes{.returns = shown_range(returns, references),
+                    .last_step = count > 0 ? std::max(1.0, episodes.steps.back()) : 1,
+                    .right = references.empty() ? kRightEdge : kRightEdge - kRoomForReferences};
+
+    Picture picture{.width = 800, .height = 450, .title = title};
+    draw_axes(picture, axes);
+    draw_returns(picture, axes, episodes, window);
+    draw_references(picture, axes, returns, references);
 
     picture.words.push_back({title, {kLeft, 30}, kInk, 18, Anchor::start, true});
     picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
-    picture.words.push_back({"agent steps", {right, kBottom + 40}, kInk, 13, Anchor::end});
+    picture.words.push_back({"agent steps", {axes.right, kBottom + 40}, kInk, 13, Anchor::end});
     if (count > 0) {
         picture.words.push_back(
             {fmt::format("mean of {} episodes", window), {kRightEdge, 30}, kBold, 13, Anchor::end, true});

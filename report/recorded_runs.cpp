@@ -42,8 +42,7 @@ std::vector<double> recorded_steps(const Run& run) {
     if (steps.empty() || steps.back() < end) steps.push_back(end);
     // As they are written; of a run of a few steps some are the same.
     for (auto& step : steps) step = std::round(step);
-    const auto repeated = std::ranges::unique(steps);
-    steps.erase(repeated.begin(), repeated.end());
+    steps.erase(std::unique(steps.begin(), steps.end()), steps.end());
     return steps;
 }
 

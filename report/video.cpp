@@ -21,7 +21,7 @@ namespace {
 /// Why the system would not write to the end of the file, for which it is made if need be; empty: it would.
 /// The file is as long afterwards as before.
 std::string reason_against_writing(const std::filesystem::path& path) {
-    constexpr std::size_t kBlock = 64 * 1024;  // more than a film's header
+    constexpr std::size_t kBlock = 65'536;  // more than a film's header
     const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (file < 0) return std::strerror(errno);
     const ::off_t size = ::lseek(file, 0, SEEK_END);

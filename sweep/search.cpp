@@ -1,8 +1,8 @@
 #include "sweep/search.h"
 
 #include <algorithm>
-#include <ranges>
 #include <set>
+#include <span>
 #include <utility>
 
 #include <fmt/format.h>
@@ -81,7 +81,7 @@ Rung compare_rung(const Search& search, std::span<const PlannedRun> runs, std::i
 /// Leaves the runs of those samples that go on.
 void keep_better(std::vector<PlannedRun>& runs, const Rung& rung) {
     std::set<std::int64_t> kept;
-    for (const auto& sample : rung.samples | std::views::take(rung.go_on)) kept.insert(sample.sample);
+    for (const auto& sample : std::span(rung.samples).first(rung.go_on)) kept.insert(sample.sample);
     std::erase_if(runs, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
 }
 
@@ -195,11 +195,12 @@ std::optional<double> score_at(const fs::path& folder, std::int64_t steps) {
     std::optional<double> last;
     double sum = 0;
     int games = 0;
+    const auto before = steps - steps / kWindowShare;
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
         const auto ended = table.number(row, *step);
         if (ended > static_cast<double>(steps)) break;
         last = table.score(row, *episode_return);
-        if (ended <= static_cast<double>(steps - steps / kWindowShare)) continue;
+        if (ended <= static_cast<double>(before)) continue;
         sum += *last;
         ++games;
     }
@@ -248,7 +249,7 @@ void check_search(const Search& search) {
 std::vector<PlannedRun> next_runs(const Search& search) {
     std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
     for (const auto steps : rungs(search.method, *search.sweep.search, length_of(search))) {
-        const auto runs = paused_at(left, steps);
+        auto runs = paused_at(left, steps);
         if (!std::ranges::all_of(runs, [&](const PlannedRun& planned) {
                 return is_finished(search.folder / planned.run.name, planned.total_steps, planned.evaluates);
             }))

@@ -43,6 +43,7 @@ void run(CLI::App& app, std::vector<std::string> words) {
 
 }  // namespace
 
+// NOLINTNEXTLINE(bugprone-exception-escape): before the try block only memory can be short.
 int main(int argc, char** argv) {
     CLI::App app("What is done with runs beside training them.", "cale");
     app.set_version_flag("--version", cale::version_text("cale"));

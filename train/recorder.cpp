@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <functional>
-#include <ranges>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -281,7 +281,8 @@ void Recorder::write_row(bool to_tensorboard) {
     for (const auto& [name, part] : TimeSplit::kParts)
         if (time.total() > 0) metrics[fmt::format("time/{}", name)] = time.*part / time.total();
     time = {};
-    if (std::ranges::any_of(state_.joystick_events | std::views::drop(1), std::identity())) {
+    if (std::any_of(std::next(state_.joystick_events.begin()), state_.joystick_events.end(),
+                    std::identity())) {
         for (const auto& [zone, share] : zone_shares(state_.reported_events, state_.joystick_events))
             metrics["zones/" + zone] = share;
     }
