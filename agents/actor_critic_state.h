@@ -114,7 +114,7 @@ struct ActorCriticState {
         acts_with_target = settings.act_with_target;
     }
 
-    /// One gradient step on `losses`, J_Q without the factor 1/2, J_pi and J_alpha, [] each; then the target
+    /// One gradient step on `losses`, twice J_Q (critic_loss()), J_pi and J_alpha, [] each; then the target
     /// moves by `tau`. Where J_pi and J_alpha are undefined, only the critics are updated: see Adam::delay().
     /// Detaches the losses from their graphs. The gradients stay in the parameters until the next call.
     template <class Losses>

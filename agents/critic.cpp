@@ -30,17 +30,18 @@ torch::Tensor CriticSettings::support() const {
 
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
-    const auto q = mean_returns(outputs, support);
-    CriticTargets targets{bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale), {}};
-    if (!support.defined()) return targets;
-
+    if (!support.defined()) {
+        const auto q = values_of(outputs, support).estimate(estimate);
+        return {bootstrapped(batch, q + bonus, reward_scale), {}};
+    }
     const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
+    const TwinValues q{p1.matmul(support), p2.matmul(support)};
     const auto next =
         estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
     const auto moved = support.unsqueeze(1) + bonus;  // [atoms, B]
     const auto returns = bootstrapped(batch, moved, reward_scale).t().contiguous();
-    targets.distribution = project_distribution(returns, next, support);
-    return targets;
+    return {bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale),
+            project_distribution(returns, next, support)};
 }
 
 torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,
@@ -51,7 +52,7 @@ torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& suppor
         };
         return (cross_entropy(outputs.q1) + cross_entropy(outputs.q2)).mean();
     }
-    const auto q = mean_returns(outputs, support);
+    const auto q = values_of(outputs, support);
     return ((q.q1 - targets.values).square() + (q.q2 - targets.values).square()).mean();
 }
 

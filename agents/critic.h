@@ -18,7 +18,7 @@ namespace cale {
 /// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].
 torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
 
-/// C51's projection (its algorithm 1): a distribution [B, atoms] over the returns `returns` [B, atoms] as
+/// C51's projection (its equation 7): a distribution [B, atoms] over the returns `returns` [B, atoms] as
 /// one over `support` [atoms].
 torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
                                    const torch::Tensor& support);
@@ -27,6 +27,7 @@ torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Te
 enum class CriticTarget { target_mean_action, sampled_action };
 std::span<const std::string_view> names_of(CriticTarget);
 
+/// Of SAC: configuration keys critic_target, critic_atoms and critic_limit.
 struct CriticSettings {
     CriticTarget target = CriticTarget::target_mean_action;
     std::int64_t atoms = 1;
@@ -41,27 +42,30 @@ void fields(CriticSettings& settings, Visit&& visit) {
     visit("critic_target", settings.target,
           "target_mean_action: value of the target actor's mean action; sampled_action: of the online "
           "actor's sample, as in Haarnoja et al.");
-    visit("critic_atoms", settings.atoms, Range{1, 10'000},
+    visit("critic_atoms", settings.atoms, Range{1, 1'000},
           "returns that the distribution of a critic is made of (C51); 1: it learns the mean return");
     visit("critic_limit", settings.limit, Range{1e-6, 1e9},
-          "where there are several atoms: they lie between plus and minus this");
+          "where there are several atoms: they lie between plus and minus this, which what is learned must "
+          "not exceed: scaled rewards and the entropy's part of all that follows");
 }
 
 /// What both critics are to say of the stored actions.
 struct CriticTargets {
-    torch::Tensor values;        // [B] y
+    torch::Tensor values;        // [B] y, beyond the atoms too
     torch::Tensor distribution;  // [B, atoms] of y, projected; undefined for critics of the mean
 };
 
-/// Returns the targets that follow from the target critics' `outputs` at the next state and from the `bonus`
-/// [B] on their value, as SAC's equation 3 has with the policy's entropy. Of two distributions the one with
-/// the smaller mean is taken for each transition, or their mixture (`estimate`); its returns are moved by the
-/// bonus.
+/// Returns the targets that follow from what the target critics say of the next states: `outputs` as
+/// SacNetworkImpl::outputs() has them, of `support` [atoms] or undefined. `bonus` [B] is added to what they
+/// say
+/// (-alpha log pi in SAC's equation 3). Of two distributions the one with the smaller mean is taken for each
+/// transition, or their mixture (`estimate`).
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale);
 
-/// Returns the sum of both critics' mean losses [], with gradients: squared errors, SAC's equation 5 without
-/// its factor 1/2; of distributions cross-entropies, C51's equation 7.
+/// Returns the sum of both critics' mean losses [], with gradients, for `outputs` at the stored actions:
+/// squared errors, SAC's equation 5 without its factor 1/2; of distributions cross-entropies, as at the end
+/// of C51's algorithm 1.
 torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,
                           const CriticTargets& targets);
 

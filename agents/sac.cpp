@@ -14,7 +14,7 @@ namespace cale {
 
 namespace {
 
-/// y of SAC's equation 5: the reward and the soft value of what follows.
+/// Of y in SAC's equation 5: the reward and the soft value of what follows.
 CriticTargets target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
                             const Batch& batch, const SacNoise& noise, const SacConfig& config) {
     const torch::NoGradGuard no_grad;
@@ -25,8 +25,8 @@ CriticTargets target_values(SacNetwork& network, SacNetwork& target, const torch
     const auto next = sample(policy, noise.target, target->box);
     const auto action = targets_mean ? mean_action(policy, target->box) : next.action;
     const auto outputs = target->outputs(target->encoder->critic_branch(features), action);
-    const auto entropy = config.entropy_in_target ? -alpha * next.log_prob : torch::zeros_like(next.log_prob);
-    return critic_targets(outputs, target->support, config.twin_estimate, entropy, batch,
+    const auto bonus = config.entropy_in_target ? -alpha * next.log_prob : torch::zeros_like(next.log_prob);
+    return critic_targets(outputs, target->support, config.twin_estimate, bonus, batch,
                           config.replay.reward_scale);
 }
 
@@ -47,10 +47,10 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     const auto features = network->encoder->trunk(batch.observation);
     const auto critic_z = network->encoder->critic_branch(features);
     const auto outputs = network->outputs(critic_z, batch.action.to(y.values.dtype()));
-    const auto q = mean_returns(outputs, network->support);
+    const auto q = values_of({outputs.q1.detach(), outputs.q2.detach()}, network->support);
     SacLosses losses{.critic = critic_loss(outputs, network->support, y),
-                     .q1 = q.q1.detach(),
-                     .q2 = q.q2.detach(),
+                     .q1 = q.q1,
+                     .q2 = q.q2,
                      .target_values = y.values};
     if (!with_actor) return losses;
 

@@ -20,6 +20,8 @@ namespace cale {
 /// The defaults are CALE's for 200 million frames.
 struct SacConfig : ActorCriticSettings {
     static constexpr const char* kName = "SAC";
+    static constexpr const char* kSizeSettings =
+        "agent.hidden_units, agent.hidden_layers or agent.critic_atoms";
     static constexpr bool kDiscrete = false;
 
     double target_entropy = -1.5;
@@ -45,7 +47,7 @@ struct SacNoise {
 
 /// Of the critics alone: critic, q1, q2 and target_values.
 struct SacLosses {
-    torch::Tensor critic;          // [] J_Q without the factor 1/2; [] are means with gradients
+    torch::Tensor critic;          // [] see critic_loss(); [] are means with gradients
     torch::Tensor actor = {};      // [] J_pi
     torch::Tensor alpha = {};      // [] J_alpha
     torch::Tensor q1, q2;          // [B] values of the stored actions

@@ -15,7 +15,7 @@
 namespace cale {
 
 /// Returns critics' values [B] from their outputs: see SacNetworkImpl::outputs().
-TwinValues mean_returns(const TwinValues& outputs, const torch::Tensor& support);
+TwinValues values_of(const TwinValues& outputs, const torch::Tensor& support);
 
 /// A squashed Gaussian on a box of A axes, and critics of (state, action). float32 on the CPU until moved.
 class SacNetworkImpl : public torch::nn::Module {

@@ -120,7 +120,7 @@ struct Axes {
     }
 };
 
-/// Of the returns; of none, or of several equal ones, a range around them.
+/// The least and the greatest; one to either side where all are equal; 0 to 1 of none.
 ReturnRange range_of(const std::vector<double>& returns) {
     ReturnRange range;
     if (!returns.empty()) {

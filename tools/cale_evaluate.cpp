@@ -293,10 +293,6 @@ void add_game_options(CLI::App& command, Options& options) {
                   "actions drawn from the policy, or after noise is drawn for its weights; without either: "
                   "as the agent's own evaluations (PPO and the joystick Rainbow draw)")
         ->excludes(greedy);
-}
-
-/// Where, with what, and what is written.
-void add_output_options(CLI::App& command, Options& options) {
     command
         .add_option(
             "--set", options.settings,
@@ -304,6 +300,10 @@ void add_output_options(CLI::App& command, Options& options) {
         ->allow_extra_args(false)
         ->take_all()
         ->type_name("KEY=VALUE");
+}
+
+/// What is written, and with what it is computed.
+void add_run_options(CLI::App& command, Options& options) {
     command.add_option("--out", options.out, "folder to write to; else a new one in evaluations/")
         ->type_name("DIR");
     auto* video = command.add_flag("--video", options.video,
@@ -358,7 +358,7 @@ void add_evaluate(CLI::App& app, int& exit_code) {
                                         "a sweep's, it evaluates every run.");
     const auto options = std::make_shared<Options>();
     add_game_options(command, *options);
-    add_output_options(command, *options);
+    add_run_options(command, *options);
     command.footer(kFooter);
     command.callback([options, &exit_code] { exit_code = run(*options); });
 }

@@ -36,7 +36,9 @@ namespace cale {
 struct Score {
     bool evaluated = false;  // an evaluation's mean return; else that of the newest training episodes
     double mean_return = 0;
-    auto operator<=>(const Score&) const = default;  // an evaluated score ranks above any other
+    // An evaluated score ranks above any other.
+    // NOLINTNEXTLINE(modernize-use-nullptr): which takes the comparison with 0 in it for a pointer's.
+    auto operator<=>(const Score&) const = default;
 };
 
 /// Which checkpoints are kept.

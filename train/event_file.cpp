@@ -36,7 +36,7 @@ std::filesystem::path unused_path(const std::filesystem::path& folder) {
     const auto stem =
         fmt::format("events.out.tfevents.{:010.0f}.{}.{}", unix_time(), host.data(), ::getpid());
     for (int number = 0;; ++number) {
-        const auto path = folder / fmt::format("{}.{}", stem, number);
+        auto path = folder / fmt::format("{}.{}", stem, number);
         if (!std::filesystem::exists(path)) return path;
     }
 }

@@ -243,7 +243,8 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
     }
 }
 
-/// The same for the process. `changes`: what --accept-changes accepted.
+/// Trains as train_on_record() and returns the program's exit code. `changes`: what --accept-changes
+/// accepted.
 ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
                              const TrainOptions& options, Metadata* metadata, const std::string& changes) {
     try {
@@ -338,16 +339,19 @@ AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& worl
     AgentSpec spec = program.spec();
     spec.num_envs /= processes.size();
     spec.processes = &processes;
-    const auto one = make_one(world);
-    spec.action_space = one->action_space();
-    spec.observation = one->observation_space();
+    {
+        const auto one = make_one(world);
+        spec.action_space = one->action_space();
+        spec.observation = one->observation_space();
+    }
     spec.device = device;
     check_precision(spec);
     check_memory(program, world, spec);
     return spec;
 }
 
-/// The run's own metadata, and before its first step the files that say what it is.
+/// The run's own metadata: those of `resumed`, or new ones where it had none. Before the first step of a run
+/// also writes the files that say what it is.
 Metadata begin_record(const TrainingProgram& program, const TrainingWorld& world, const fs::path& run_dir,
                       std::optional<Metadata> resumed, bool resume, const Sitting& sitting) {
     if (!resume) require_no_run(run_dir);  // that came and went while the agent was made

@@ -67,12 +67,16 @@ TEST(ProjectDistribution, ConservesMassAndWithinTheSupportTheMean) {
 
 // Targets -----------------------------------------------------------------------------
 
-/// Two transitions: one goes on, one has ended.
+/// Two transitions that go on and one behind which nothing follows.
 Batch transitions() {
     Batch batch;
-    batch.n_step_return = torch::tensor({0.5F, 1.0F});
-    batch.discount = torch::tensor({0.5F, 0.0F});
+    batch.n_step_return = torch::tensor({0.5F, -1.0F, 1.0F});
+    batch.discount = torch::tensor({0.5F, 0.25F, 0.0F});
     return batch;
+}
+
+torch::Tensor bonus() {
+    return torch::tensor({1.0, -2.0, 3.0}, kDouble);
 }
 
 torch::Tensor logits_of(const torch::Tensor& probabilities) {
@@ -84,34 +88,42 @@ torch::Tensor support() {
 }
 
 TEST(CriticTargets, OfTheMeanAreTheBootstrappedValue) {
-    const TwinValues outputs{torch::tensor({{3.0}, {4.0}}, kDouble), torch::tensor({{5.0}, {2.0}}, kDouble)};
-    const auto bonus = torch::tensor({1.0, 1.0}, kDouble);
-    const auto targets = critic_targets(outputs, {}, TwinEstimate::minimum, bonus, transitions(), 10);
-    EXPECT_TRUE(torch::equal(targets.values, torch::tensor({10 * 0.5 + 0.5 * (3 + 1), 10.0}, kDouble)));
+    const TwinValues outputs{torch::tensor({{3.0}, {6.0}, {4.0}}, kDouble),
+                             torch::tensor({{5.0}, {2.0}, {2.0}}, kDouble)};
+    const auto targets = critic_targets(outputs, {}, TwinEstimate::minimum, bonus(), transitions(), 10);
+    EXPECT_TRUE(torch::equal(targets.values,
+                             torch::tensor({5 + 0.5 * (3 + 1), -10 + 0.25 * (2 - 2), 10.0}, kDouble)));
     EXPECT_FALSE(targets.distribution.defined());
-    const auto mean = critic_targets(outputs, {}, TwinEstimate::mean, bonus, transitions(), 10);
-    EXPECT_TRUE(torch::equal(mean.values, torch::tensor({10 * 0.5 + 0.5 * (4 + 1), 10.0}, kDouble)));
+    const auto mean = critic_targets(outputs, {}, TwinEstimate::mean, bonus(), transitions(), 10);
+    EXPECT_TRUE(
+        torch::equal(mean.values, torch::tensor({5 + 0.5 * (4 + 1), -10 + 0.25 * (4 - 2), 10.0}, kDouble)));
 }
 
 TEST(CriticTargets, TheDistributionOfTheSmallerMeanIsMovedByRewardAndBonus) {
-    // Means 0.5 and -1 at the first transition.
-    const TwinValues outputs{logits_of(torch::tensor({{0.25, 0.25, 0.5}, {0.0, 1.0, 0.0}}, kDouble)),
-                             logits_of(torch::tensor({{0.5, 0.5, 0.0}, {0.0, 0.0, 1.0}}, kDouble))};
-    const auto targets = critic_targets(outputs, support(), TwinEstimate::minimum,
-                                        torch::tensor({1.0, 1.0}, kDouble), transitions(), 1);
-    // Half of it at 0.5 + 0.5 (-2 + 1) = 0 and half at 0.5 + 0.5 (0 + 1) = 1; behind an end all of it at 1.
-    EXPECT_TRUE(
-        torch::allclose(targets.distribution, torch::tensor({{0.0, 0.75, 0.25}, {0.0, 0.5, 0.5}}, kDouble)));
-    EXPECT_TRUE(torch::allclose(targets.values, torch::tensor({0.5 + 0.5 * (-1 + 1), 1.0}, kDouble)));
+    // Means 0.5 and -1, then -0.5 and 2.
+    const TwinValues outputs{
+        logits_of(torch::tensor({{0.25, 0.25, 0.5}, {0.5, 0.25, 0.25}, {0.0, 1.0, 0.0}}, kDouble)),
+        logits_of(torch::tensor({{0.5, 0.5, 0.0}, {0.0, 0.0, 1.0}, {0.0, 0.0, 1.0}}, kDouble))};
+    const auto targets = critic_targets(outputs, support(), TwinEstimate::minimum, bonus(), transitions(), 1);
+    // First half of it at 0.5 + 0.5 (-2 + 1) = 0 and half at 0.5 + 0.5 (0 + 1) = 1. Then half at
+    // -1 + 0.25 (-2 - 2) = -2 and a quarter each at -1 + 0.25 (0 - 2) = -1.5 and -1 + 0.25 (2 - 2) = -1.
+    // Behind an end all of it at 1.
+    EXPECT_TRUE(torch::allclose(
+        targets.distribution, torch::tensor({{0.0, 0.75, 0.25},
+                                             {0.5 + 0.25 * 0.75 + 0.25 * 0.5, 0.25 * 0.25 + 0.25 * 0.5, 0.0},
+                                             {0.0, 0.5, 0.5}},
+                                            kDouble)));
+    EXPECT_TRUE(torch::allclose(targets.values,
+                                torch::tensor({0.5 + 0.5 * (-1 + 1), -1 + 0.25 * (-0.5 - 2), 1.0}, kDouble)));
     EXPECT_TRUE(torch::allclose(targets.distribution.matmul(support()), targets.values));
 }
 
 TEST(CriticTargets, TwoDistributionsMayBeMixed) {
     const TwinValues outputs{logits_of(torch::tensor({{0.0, 0.5, 0.5}, {1.0, 0.0, 0.0}}, kDouble)),
                              logits_of(torch::tensor({{0.5, 0.5, 0.0}, {1.0, 0.0, 0.0}}, kDouble))};
-    auto batch = transitions();
-    batch.n_step_return.zero_();
-    batch.discount.fill_(1);
+    Batch batch;
+    batch.n_step_return = torch::zeros({2});
+    batch.discount = torch::ones({2});
     const auto targets =
         critic_targets(outputs, support(), TwinEstimate::mean, torch::zeros({2}, kDouble), batch, 1);
     EXPECT_TRUE(
@@ -126,7 +138,7 @@ TEST(CriticLoss, OfTheMeanIsTheSumOfBothSquaredErrors) {
     EXPECT_DOUBLE_EQ(loss.item<double>(), ((0 + 4) + (4 + 4)) / 2.0);
 }
 
-TEST(CriticLoss, OfADistributionHasItsLeastWhereBothCriticsSayTheTarget) {
+TEST(CriticLoss, OfADistributionIsLeastWhereACriticSaysTheTarget) {
     const auto target = torch::tensor({{0.1, 0.2, 0.7}, {0.3, 0.3, 0.4}}, kDouble);
     const CriticTargets targets{torch::zeros({2}, kDouble), target};
     auto q1 = logits_of(target).requires_grad_(), q2 = torch::zeros({2, 3}, kDouble).requires_grad_();
@@ -155,6 +167,39 @@ TEST(SacNetwork, ItsCriticsHaveAnOutputForEveryAtom) {
     EXPECT_TRUE(torch::allclose(values.q2, (outputs.q2.softmax(1) * atoms).sum(1)));
 }
 
+TEST(SacLosses, OfDistributionsAreThoseOfTheTargetsBestAction) {
+    auto config = small_sac();
+    config.critic = {.target = CriticTarget::target_mean_action, .atoms = 21, .limit = 3};
+    const auto spec = joystick_world();
+    auto network = make_network(config, spec, make_generator(1)),
+         target = make_network(config, spec, make_generator(2));
+    auto random = make_generator(3);
+    Batch batch;
+    batch.observation = noise_frames(4, 1);
+    batch.next_observation = noise_frames(4, 2);
+    batch.action = torch::rand({4, 3}, random);
+    batch.n_step_return = torch::randn({4}, random);
+    batch.discount = torch::tensor({0.9F, 0.0F, 0.9F, 0.5F});
+    const SacNoise noise{torch::randn({4, 3}, random), torch::randn({4, 3}, random)};
+    const auto log_alpha = torch::full({1}, -1.0F);
+    const auto losses = sac_losses(network, target, log_alpha, batch, noise, config);
+
+    const torch::NoGradGuard no_grad;
+    const auto features = target->encoder->trunk(batch.next_observation);
+    const auto policy = target->policy(features);
+    const auto next =
+        target->outputs(target->encoder->critic_branch(features), mean_action(policy, target->box));
+    const auto bonus = -log_alpha.exp() * sample(policy, noise.target, target->box).log_prob;
+    const auto targets = critic_targets(next, target->support, TwinEstimate::minimum, bonus, batch,
+                                        config.replay.reward_scale);
+    const auto z = network->encoder->critic_branch(network->encoder->trunk(batch.observation));
+    const auto outputs = network->outputs(z, batch.action);
+    EXPECT_EQ(outputs.q1.size(1), 21);
+    EXPECT_TRUE(torch::allclose(losses.critic, critic_loss(outputs, network->support, targets)));
+    EXPECT_TRUE(torch::allclose(losses.q2, values_of(outputs, network->support).q2));
+    EXPECT_TRUE(torch::allclose(losses.target_values, targets.values));
+}
+
 TEST(Sac, LearnsWithDistributionsToPushTheJoystickWhereTheFrameSays) {
     auto config = small_sac();
     config.network.hidden_units = 64;
@@ -164,6 +209,7 @@ TEST(Sac, LearnsWithDistributionsToPushTheJoystickWhereTheFrameSays) {
     config.learning_rate = 1e-3;
     config.tau = 0.02;
     const auto spec = joystick_world(8);
+    EXPECT_EQ(make_sac(config, spec)->state().at("network/critic.q2.out.weight").size(0), 21);
     EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), 0.8);
 }
 

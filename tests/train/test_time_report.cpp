@@ -17,8 +17,8 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 const std::string kHeader =
-    "global_step,frame,seconds,steps_per_second,losses/td_loss,time/act,time/environment,time/log,time/"
-    "replay,time/transfer,time/update\n";
+    "global_step,frame,seconds,steps_per_second,losses/td_loss,time/act,time/environment,time/log,"
+    "time/replay,time/transfer,time/update\n";
 
 TEST(TimeReport, WeighsEachRowByItsSeconds) {
     const test::TemporaryFolder folder;
