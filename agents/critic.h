@@ -45,8 +45,9 @@ void fields(CriticSettings& settings, Visit&& visit) {
     visit("critic_atoms", settings.atoms, Range{1, 1'000},
           "returns that the distribution of a critic is made of (C51); 1: it learns the mean return");
     visit("critic_limit", settings.limit, Range{1e-6, 1e9},
-          "where there are several atoms: they lie between plus and minus this, which what is learned must "
-          "not exceed: scaled rewards and the entropy's part of all that follows");
+          "several atoms lie evenly from minus this to this; scaled returns, with the entropy's part, must "
+          "stay "
+          "between");
 }
 
 /// What both critics are to say of the stored actions.
@@ -55,10 +56,9 @@ struct CriticTargets {
     torch::Tensor distribution;  // [B, atoms] of y, projected; undefined for critics of the mean
 };
 
-/// Returns the targets that follow from what the target critics say of the next states: `outputs` as
-/// SacNetworkImpl::outputs() has them, of `support` [atoms] or undefined. `bonus` [B] is added to what they
-/// say
-/// (-alpha log pi in SAC's equation 3). Of two distributions the one with the smaller mean is taken for each
+/// Returns the targets that follow from the target critics' `outputs` at the next states, those of
+/// SacNetworkImpl::outputs(); `support` is [atoms] or undefined. `bonus` [B], -alpha log pi in SAC's equation
+/// 3, is added to their values. Of two distributions the one with the smaller mean is taken for each
 /// transition, or their mixture (`estimate`).
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale);
