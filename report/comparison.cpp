@@ -289,6 +289,7 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
         }
     }
     std::vector<Baseline> sorted;
+    sorted.reserve(floors.size());
     for (auto& [name, floor] : floors) sorted.push_back(std::move(floor));
     return sorted;
 }

@@ -61,6 +61,7 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
         sample.scores[run.combination] = arrived ? score_at(folder, steps) : std::nullopt;
     }
     std::vector<SampleScore> result;
+    result.reserve(samples.size());
     for (auto& [number, sample] : samples) result.push_back(std::move(sample));
     rank(result);
     return result;
