@@ -342,8 +342,8 @@ TEST(ProgramEmulator, WhatDoesNotFitIntoMemoryIsRefusedBeforeItIsMade) {
         answer.stderr_text,
         testing::AllOf(testing::StartsWith("train_sac: the network, with its gradients, Adam's moments and "
                                            "checkpoints, needs "),
-                       testing::EndsWith(" GB are available: lower agent.hidden_units or "
-                                         "agent.hidden_layers\n")));
+                       testing::EndsWith(" GB are available: lower agent.hidden_units, "
+                                         "agent.hidden_layers or agent.critic_atoms\n")));
     EXPECT_FALSE(std::filesystem::exists(run.parent_path()));
 }
 
