@@ -19,6 +19,10 @@ torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Te
     return (share * probabilities.unsqueeze(1)).sum(2);
 }
 
+torch::Tensor cross_entropy(const torch::Tensor& target, const torch::Tensor& logits) {
+    return -(target * logits.log_softmax(1)).sum(1);
+}
+
 std::span<const std::string_view> names_of(CriticTarget) {
     static constexpr std::array<std::string_view, 2> names{"target_mean_action", "sampled_action"};
     return names;
@@ -31,15 +35,14 @@ torch::Tensor CriticSettings::support() const {
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
     if (!support.defined()) {
-        const auto q = values_of(outputs, support).estimate(estimate);
+        const auto q = critic_values(outputs, support).estimate(estimate);
         return {bootstrapped(batch, q + bonus, reward_scale), {}};
     }
     const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
     const TwinValues q{p1.matmul(support), p2.matmul(support)};
     const auto next =
         estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
-    const auto moved = support.unsqueeze(1) + bonus;  // [atoms, B]
-    const auto returns = bootstrapped(batch, moved, reward_scale).t().contiguous();
+    const auto returns = bootstrapped(batch, support + bonus.unsqueeze(1), reward_scale);  // [B, atoms]
     return {bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale),
             project_distribution(returns, next, support)};
 }
@@ -47,12 +50,11 @@ CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& sup
 torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,
                           const CriticTargets& targets) {
     if (support.defined()) {
-        const auto cross_entropy = [&](const torch::Tensor& logits) {
-            return -(targets.distribution * logits.log_softmax(1)).sum(1);
-        };
-        return (cross_entropy(outputs.q1) + cross_entropy(outputs.q2)).mean();
+        return (cross_entropy(targets.distribution, outputs.q1) +
+                cross_entropy(targets.distribution, outputs.q2))
+            .mean();
     }
-    const auto q = values_of(outputs, support);
+    const auto q = critic_values(outputs, support);
     return ((q.q1 - targets.values).square() + (q.q2 - targets.values).square()).mean();
 }
 

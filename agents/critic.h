@@ -23,6 +23,9 @@ torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::Te
 torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
                                    const torch::Tensor& support);
 
+/// Returns the cross-entropy [B] of a predicted distribution, by its logits [B, atoms], from `target`.
+torch::Tensor cross_entropy(const torch::Tensor& target, const torch::Tensor& logits);
+
 /// Whose action the critics' target values: see CriticSettings::target.
 enum class CriticTarget { target_mean_action, sampled_action };
 std::span<const std::string_view> names_of(CriticTarget);
@@ -45,12 +48,11 @@ void fields(CriticSettings& settings, Visit&& visit) {
     visit("critic_atoms", settings.atoms, Range{1, 1'000},
           "returns that the distribution of a critic is made of (C51); 1: it learns the mean return");
     visit("critic_limit", settings.limit, Range{1e-6, 1e9},
-          "several atoms lie evenly from minus this to this; scaled returns, with the entropy's part, must "
-          "stay "
+          "several atoms lie evenly from minus this to this; scaled returns, with the entropy's part, stay "
           "between");
 }
 
-/// What both critics are to say of the stored actions.
+/// The targets of both critics at the stored actions.
 struct CriticTargets {
     torch::Tensor values;        // [B] y, beyond the atoms too
     torch::Tensor distribution;  // [B, atoms] of y, projected; undefined for critics of the mean

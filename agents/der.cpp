@@ -58,13 +58,12 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
         // Double Q-learning: one network chooses, the other evaluates.
         const auto choosing = config.double_dqn ? network(batch.next_observation, &noise.target) : next;
         const auto evaluated = gather_outputs(next, action_values(choosing, support).argmax(1));
-        const auto n_step_return = config.replay.reward_scale * batch.n_step_return.to(type).unsqueeze(1);
-        const auto discount = batch.discount.to(type).unsqueeze(1);
-        expected = config.distributional ? project_distribution(n_step_return + discount * support,
-                                                                evaluated.softmax(1), support)
-                                         : n_step_return + discount * evaluated;
+        const auto returns = bootstrapped(batch, config.distributional ? support.unsqueeze(0) : evaluated,
+                                          config.replay.reward_scale);
+        expected =
+            config.distributional ? project_distribution(returns, evaluated.softmax(1), support) : returns;
     }
-    const auto per_transition = config.distributional ? -(expected * predicted.log_softmax(1)).sum(1)
+    const auto per_transition = config.distributional ? cross_entropy(expected, predicted)
                                                       : (predicted - expected).square().squeeze(1);
     const auto q = config.distributional ? (predicted.softmax(1) * support).sum(1) : predicted.squeeze(1);
     return {.loss = (loss_weights.to(type) * per_transition).mean(),

@@ -141,8 +141,11 @@ void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArray
 }
 
 torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale) {
-    const auto type = next_value.scalar_type();
-    return reward_scale * batch.n_step_return.to(type) + batch.discount.to(type) * next_value;
+    const auto of_state = [&](const torch::Tensor& x) {
+        const auto typed = x.to(next_value.scalar_type());
+        return next_value.dim() == 2 ? typed.unsqueeze(1) : typed;
+    };
+    return reward_scale * of_state(batch.n_step_return) + of_state(batch.discount) * next_value;
 }
 
 void check_random_shift(const ReplaySettings& settings, const AgentSpec& spec) {

@@ -134,8 +134,8 @@ struct RandomStreams {
     at::Generator updates;             // on the agent's device; undefined where updates draw nothing
 };
 
-/// Returns the value target y [B] for the next states' values [B]: scaled n-step return plus discounted
-/// value.
+/// Returns the value target y for the next states' values, [B] or several for each state [B, n] (or [1, n]):
+/// scaled n-step return plus discounted value.
 torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
 
 /// Throws std::invalid_argument where observations that are no images are to be shifted.

@@ -47,7 +47,7 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
     const auto features = network->encoder->trunk(batch.observation);
     const auto critic_z = network->encoder->critic_branch(features);
     const auto outputs = network->outputs(critic_z, batch.action.to(y.values.dtype()));
-    const auto q = values_of({outputs.q1.detach(), outputs.q2.detach()}, network->support);
+    const auto q = critic_values({outputs.q1.detach(), outputs.q2.detach()}, network->support);
     SacLosses losses{.critic = critic_loss(outputs, network->support, y),
                      .q1 = q.q1,
                      .q2 = q.q2,

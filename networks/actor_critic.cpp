@@ -18,7 +18,7 @@ NetworkSpec acting_half(const EncoderConfig& config, const TwoBranchEncoder& enc
 
 }  // namespace
 
-TwinValues values_of(const TwinValues& outputs, const torch::Tensor& support) {
+TwinValues critic_values(const TwinValues& outputs, const torch::Tensor& support) {
     if (!support.defined()) return {outputs.q1.squeeze(1), outputs.q2.squeeze(1)};
     return {outputs.q1.softmax(1).matmul(support), outputs.q2.softmax(1).matmul(support)};
 }
@@ -49,7 +49,7 @@ TwinValues SacNetworkImpl::outputs(const torch::Tensor& critic_z, const torch::T
 }
 
 TwinValues SacNetworkImpl::values(const torch::Tensor& critic_z, const torch::Tensor& action) {
-    return values_of(outputs(critic_z, action), support);
+    return critic_values(outputs(critic_z, action), support);
 }
 
 SacdNetworkImpl::SacdNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,

@@ -14,8 +14,8 @@
 
 namespace cale {
 
-/// Returns critics' values [B] from their outputs: see SacNetworkImpl::outputs().
-TwinValues values_of(const TwinValues& outputs, const torch::Tensor& support);
+/// Returns the critics' values [B] of their outputs: see SacNetworkImpl::outputs().
+TwinValues critic_values(const TwinValues& outputs, const torch::Tensor& support);
 
 /// A squashed Gaussian on a box of A axes, and critics of (state, action). float32 on the CPU until moved.
 class SacNetworkImpl : public torch::nn::Module {
@@ -26,8 +26,8 @@ class SacNetworkImpl : public torch::nn::Module {
 
     /// The policy on the encoder's features [B, F]; its gradient does not reach the trunk.
     SquashedGaussian policy(const torch::Tensor& features);
-    /// What the critics say of their branch [B, Z] and an action [B, A] in the box's own units: [B, 1] each,
-    /// or the logits [B, atoms] of the returns in `support`.
+    /// The critics' outputs for their branch [B, Z] and an action [B, A] in the box's own units: values [B,
+    /// 1] each, or the logits [B, atoms] of the returns in `support`.
     TwinValues outputs(const torch::Tensor& critic_z, const torch::Tensor& action);
     /// Q1 and Q2 [B], their means.
     TwinValues values(const torch::Tensor& critic_z, const torch::Tensor& action);

@@ -27,12 +27,10 @@ struct TrainingProgram {
     std::function<TrainingWorld()> world;                                // made from the settings
     std::function<AgentSpec()> spec;                                     // made from the settings
     std::function<std::unique_ptr<Agent>(const AgentSpec&)> make_agent;  // called once
-    /// May train one agent together: the agent uses AgentSpec::processes. Its settings declare
-    /// kSeveralProcesses.
+    /// May train one agent together: the agent uses AgentSpec::processes.
     bool several_processes = false;
     /// With train.overlap update() only starts the learning, which continues beside the decisions that
-    /// follow: it is called before each of them, as without overlap. The agent's settings declare
-    /// kLearnsBeside.
+    /// follow: it is called before each of them, as without overlap.
     bool learns_beside = false;
     std::function<std::string()> schedule_over_run{};  // see AgentSpec
     /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
@@ -43,6 +41,17 @@ struct TrainingProgram {
 /// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
 /// 130 interrupted after a checkpoint. Every error is one sentence on stderr.
 int run_program(const TrainingProgram& program, int argc, const char* const* argv);
+
+/// Agents whose settings declare so: see TrainingProgram::several_processes.
+template <class AgentConfig>
+concept TrainsInSeveralProcesses = requires {
+    requires AgentConfig::kSeveralProcesses;
+};
+/// Agents whose settings declare so: see TrainingProgram::learns_beside.
+template <class AgentConfig>
+concept LearnsBeside = requires {
+    requires AgentConfig::kLearnsBeside;
+};
 
 /// Returns the key of the setting by which a schedule lasts for the whole run, or "". See AgentSpec.
 template <class AgentConfig>
@@ -68,19 +77,16 @@ int run_program(const std::string& agent_name, const std::string& description,
         .world = [&] { return training_world(config.env, config.eval); },
         .spec = [&] { return spec_of(config.env, config.train); },
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
-        .several_processes = requires {requires AgentConfig::kSeveralProcesses;
-}
-, .learns_beside = requires {
-    requires AgentConfig::kLearnsBeside;
-}
-, .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
-};  // namespace cale
-if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
-    program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
-        check_memory(config.agent, spec, available);
+        .several_processes = TrainsInSeveralProcesses<AgentConfig>,
+        .learns_beside = LearnsBeside<AgentConfig>,
+        .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
     };
-}
-return run_program(program, argc, argv);
+    if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
+        program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
+            check_memory(config.agent, spec, available);
+        };
+    }
+    return run_program(program, argc, argv);
 }
 
 }  // namespace cale

@@ -67,7 +67,7 @@ TEST(ProjectDistribution, ConservesMassAndWithinTheSupportTheMean) {
 
 // Targets -----------------------------------------------------------------------------
 
-/// Two transitions that go on and one behind which nothing follows.
+/// Two transitions that do not end an episode, and one that does.
 Batch transitions() {
     Batch batch;
     batch.n_step_return = torch::tensor({0.5F, -1.0F, 1.0F});
@@ -196,7 +196,7 @@ TEST(SacLosses, OfDistributionsAreThoseOfTheTargetsBestAction) {
     const auto outputs = network->outputs(z, batch.action);
     EXPECT_EQ(outputs.q1.size(1), 21);
     EXPECT_TRUE(torch::allclose(losses.critic, critic_loss(outputs, network->support, targets)));
-    EXPECT_TRUE(torch::allclose(losses.q2, values_of(outputs, network->support).q2));
+    EXPECT_TRUE(torch::allclose(losses.q2, critic_values(outputs, network->support).q2));
     EXPECT_TRUE(torch::allclose(losses.target_values, targets.values));
 }
 
