@@ -39,8 +39,9 @@ class Replay {
     /// missing final_frame.
     virtual void add(std::int64_t env, const Experience& experience) = 0;
 
-    /// Returns how many transitions can be sampled: at most `capacity`, and fewer where one of the
-    /// capacity newest frames serves no transition of its own (after a truncation).
+    /// Returns how many transitions can be sampled: at most `capacity`, and fewer where frames of the
+    /// newest serve no transition of their own (after a truncation; with the reference's rules also in
+    /// episodes shorter than the n-step return).
     virtual std::int64_t size() const = 0;
     /// Returns how many transitions were ever stored.
     virtual std::int64_t add_count() const = 0;
@@ -51,8 +52,8 @@ class Replay {
     /// Prioritised: for each one, 64 random bits w are drawn, and its index is the first up to
     /// which the priorities sum to more than (w >> 11) * 2^-53 of their total. Its probability
     /// is its priority divided by that total, with no exponent and no strata: google/dopamine's
-    /// form of Schaul et al. 2016.
-    /// Throws std::runtime_error when nothing is stored, or every priority is 0.
+    /// form of Schaul et al. 2016. Where every priority is 0 it draws uniformly, as there.
+    /// Throws std::runtime_error when nothing is stored.
     /// Writes into existing tensors, such as those of empty_batch(), without allocating; their size is the
     /// batch size. Throws std::invalid_argument unless they are contiguous tensors of Batch's shapes and
     /// types.

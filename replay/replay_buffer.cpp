@@ -98,7 +98,7 @@ Batch ReplayBuffer::sample(std::int64_t batch_size, std::mt19937_64& random) con
 void ReplayBuffer::sample_into(Batch& batch, std::mt19937_64& random) const {
     require_shapes(batch);
     if (size() == 0) throw std::runtime_error("cannot sample from a replay that holds no transition yet");
-    if (priorities_)
+    if (draws_by_priority())
         sample_by_priority(batch, random);
     else
         sample_uniformly(batch, random);
@@ -195,9 +195,9 @@ std::int64_t ReplayBuffer::position_of(std::int64_t slot) const {
 
 // With which sampling draws the transition at this position.
 double ReplayBuffer::probability(std::int64_t position) const {
-    if (!priorities_) return 1.0 / static_cast<double>(ring_->size());
+    if (!draws_by_priority()) return 1.0 / static_cast<double>(ring_->size());
     const std::int64_t slot = (ring_->transitions_begin + position) % config_.capacity;
-    return priorities_->total() > 0 ? priorities_->get(slot) / priorities_->total() : 0.0;
+    return priorities_->get(slot) / priorities_->total();
 }
 
 // Row `row` of a batch of the right shapes: the transition at this position. A mirror adds the pixels when
@@ -221,7 +221,6 @@ void ReplayBuffer::sample_uniformly(Batch& batch, std::mt19937_64& random) const
 
 void ReplayBuffer::sample_by_priority(Batch& batch, std::mt19937_64& random) const {
     const double total = priorities_->total();
-    if (total == 0) throw std::runtime_error("cannot sample from a replay whose priorities are all 0");
     for (std::int64_t row = 0; row < batch.index.size(0); ++row) {
         const double uniform = static_cast<double>(random() >> 11) * 0x1p-53;
         copy(position_of(priorities_->find(uniform * total)), batch, row);

@@ -59,6 +59,7 @@ class ReplayBuffer final : public Replay {
     std::vector<std::int64_t> stacks_shape(std::int64_t batch_size) const;
     void require_shapes(const Batch& batch) const;
     std::int64_t position_of(std::int64_t slot) const;
+    bool draws_by_priority() const { return priorities_ && priorities_->total() > 0; }
     double probability(std::int64_t position) const;
     torch::Device pixels_device() const { return mirror_ ? mirror_->device() : torch::kCPU; }
     void copy(std::int64_t position, Batch& batch, std::int64_t row) const;

@@ -131,6 +131,13 @@ double NetworkCase::hyper(const std::string& key) const {
     return file["hyper"][key].as<double>();
 }
 
+cale::AdamConfig NetworkCase::adam() const {
+    return {.learning_rate = hyper("lr"),
+            .beta1 = hyper("beta1"),
+            .beta2 = hyper("beta2"),
+            .epsilon = hyper("adam_eps")};
+}
+
 torch::Tensor NetworkCase::input(const std::string& key) const {
     return tensor(file["inputs"][key]).to(dtype);
 }

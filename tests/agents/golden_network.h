@@ -14,6 +14,8 @@
 #include <torch/types.h>
 #include <yaml-cpp/yaml.h>
 
+#include "networks/adam.h"
+
 namespace golden {
 
 /// Relative tolerances, README-agents.md's column "use".
@@ -60,6 +62,8 @@ struct NetworkCase {
     std::int64_t batch_size;
 
     double hyper(const std::string& key) const;
+    /// The optimiser's `lr`, `beta1`, `beta2` and `adam_eps`.
+    cale::AdamConfig adam() const;
     /// `inputs` of this key, or any other node, in the case's type.
     torch::Tensor input(const std::string& key) const;
     torch::Tensor actions() const;  // of `inputs`, int64; checked against the hash

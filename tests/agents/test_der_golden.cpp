@@ -23,8 +23,7 @@ struct Case : golden::NetworkCase {
         : NetworkCase(file_name, type), num_actions(static_cast<std::int64_t>(hyper("num_actions"))) {
         config.num_atoms = static_cast<std::int64_t>(hyper("atoms"));
         config.value_limit = hyper("vmax");
-        config.learning_rate = hyper("lr");
-        config.adam_epsilon = hyper("adam_eps");
+        EXPECT_EQ(hyper("vmin"), -config.value_limit) << "the atoms of DER are symmetric";
         for (const auto& param : file["params"])
             if (param["name"].as<std::string>() == "head.fc1.bias_mu")
                 config.hidden_units = param["shape"][0].as<std::int64_t>();
@@ -111,8 +110,7 @@ TEST_P(DerGolden, Forward) {
 }
 
 TEST_P(DerGolden, ThreeUpdates) {
-    QState learner(c.network(c.name), c.network(c.name + "/target"),
-                   {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
+    QState learner(c.network(c.name), c.network(c.name + "/target"), c.adam());
     const auto batch = c.batch();
     const auto weights = c.input("loss_weight");
     const auto initial = golden::parameters(*learner.network);
@@ -131,11 +129,13 @@ TEST_P(DerGolden, ThreeUpdates) {
 INSTANTIATE_TEST_SUITE_P(Files, DerGolden, ::testing::ValuesIn(golden::files_and_types("der")),
                          golden::name_of);
 
-TEST(DerGoldenSchedules, ImportanceWeightsAndNewPriorities) {
-    const auto golden_case = golden::load("schedules.yaml")["prioritized"];
-    const auto probability = golden::tensor(golden_case["probability"]);
-    golden::expect_close(importance_weights(probability, DerConfig{}.importance_exponent),
-                         golden::tensor(golden_case["loss_weight"]), 1e-6, "loss_weight");
+TEST(DerGoldenSchedules, ImportanceWeights) {
+    for (const auto& file : golden::files_of_kind("schedules")) {
+        const auto golden_case = golden::load(file)["prioritized"];
+        const auto probability = golden::tensor(golden_case["probability"]);
+        golden::expect_close(importance_weights(probability, DerConfig{}.importance_exponent),
+                             golden::tensor(golden_case["loss_weight"]), 1e-6, "loss_weight of " + file);
+    }
 }
 
 }  // namespace

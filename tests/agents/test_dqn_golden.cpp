@@ -16,8 +16,6 @@ struct Case : golden::NetworkCase {
 
     Case(const std::string& file_name, torch::Dtype type) : NetworkCase(file_name, type) {
         config.loss = file["hyper"]["loss"].as<std::string>() == "huber" ? ValueLoss::huber : ValueLoss::mse;
-        config.learning_rate = hyper("lr");
-        config.adam_epsilon = hyper("adam_eps");
         for (const auto& param : file["params"])
             if (param["name"].as<std::string>() == "head.fc1.weight")
                 config.hidden_units = param["shape"][0].as<std::int64_t>();
@@ -60,8 +58,7 @@ TEST_P(DqnGolden, Forward) {
 }
 
 TEST_P(DqnGolden, ThreeUpdates) {
-    QState learner(c.network(c.name), c.network(c.name + "/target"),
-                   {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon});
+    QState learner(c.network(c.name), c.network(c.name + "/target"), c.adam());
     const auto batch = c.batch();
     const auto initial = golden::parameters(*learner.network);
     const auto steps = c.file["steps"];

@@ -29,9 +29,13 @@ struct Case : golden::NetworkCase {
         } else {
             const bool phi_sac = hyper_node["encoder"].as<std::string>() == "SAC";
             config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
-            for (const auto& param : file["params"])
-                if (param["name"].as<std::string>() == "actor.fc1.bias")
-                    config.network.hidden_units = param["shape"][0].as<std::int64_t>();
+            config.network.hidden_layers = 0;
+            for (const auto& param : file["params"]) {
+                const auto parameter = param["name"].as<std::string>();
+                if (!parameter.starts_with("actor.fc") || !parameter.ends_with(".bias")) continue;
+                ++config.network.hidden_layers;
+                config.network.hidden_units = param["shape"][0].as<std::int64_t>();
+            }
         }
         config.clip = hyper("clip");
         config.clip_value_loss = hyper_node["clip_critic_loss"].as<bool>();
@@ -40,6 +44,8 @@ struct Case : golden::NetworkCase {
         config.max_gradient_norm = hyper("max_gradient_norm");
         config.learning_rate = hyper("lr");
         config.adam_epsilon = hyper("adam_eps");
+        EXPECT_EQ(hyper("beta1"), AdamConfig{}.beta1) << "PPO has no setting for it";
+        EXPECT_EQ(hyper("beta2"), AdamConfig{}.beta2) << "PPO has no setting for it";
     }
 
     PpoNetwork network() const {

@@ -26,8 +26,6 @@ struct Case : golden::NetworkCase {
             config.network.hidden_layers = hyper_node["hidden_layers"].as<std::int64_t>();
         config.replay.reward_scale = hyper("reward_scale");
         config.target_entropy = hyper("target_entropy");
-        config.learning_rate = hyper("lr");
-        config.adam_epsilon = hyper("adam_eps");
         config.tau = hyper("tau");
     }
 };
@@ -42,10 +40,7 @@ SacNetwork make_network(const Case& c, const std::string& weights_case) {
 
 ActorCriticState<SacNetwork> make_learner(const Case& c) {
     auto log_alpha = torch::full({1}, c.hyper("log_alpha0"), c.dtype).requires_grad_();
-    return {make_network(c, c.name),
-            make_network(c, c.name + "/target"),
-            log_alpha,
-            {.learning_rate = c.config.learning_rate, .epsilon = c.config.adam_epsilon}};
+    return {make_network(c, c.name), make_network(c, c.name + "/target"), log_alpha, c.adam()};
 }
 
 Batch make_batch(const Case& c) {

@@ -23,9 +23,9 @@ struct Case : golden::NetworkCase {
         const bool phi_sac = hyper_node["encoder"] && hyper_node["encoder"].as<std::string>() == "SAC";
         config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
         config.network.hidden_units = hyper_node["hidden_units"].as<std::int64_t>();
+        if (hyper_node["hidden_layers"])
+            config.network.hidden_layers = hyper_node["hidden_layers"].as<std::int64_t>();
         config.replay.reward_scale = hyper("reward_scale");
-        config.learning_rate = hyper("lr");
-        config.adam_epsilon = hyper("adam_eps");
         config.tau = hyper("tau");
         config.next_policy =
             hyper_node["next_policy"].as<std::string>() == "online" ? NextPolicy::online : NextPolicy::target;
@@ -40,10 +40,8 @@ struct Case : golden::NetworkCase {
     }
 
     ActorCriticState<SacdNetwork> learner() const {
-        return {network(name),
-                network(name + "/target"),
-                torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(),
-                {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}};
+        return {network(name), network(name + "/target"),
+                torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(), adam()};
     }
 
     Batch batch() const {

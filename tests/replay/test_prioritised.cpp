@@ -16,7 +16,9 @@ namespace {
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::FloatEq;
+using testing::Gt;
 using testing::HasSubstr;
+using testing::Lt;
 using testing::Pointwise;
 using testing::ThrowsMessage;
 
@@ -105,13 +107,18 @@ TEST(PrioritisedReplay, IgnoresAnIndexWithoutATransition) {
     EXPECT_LT(replay.sample(100, random).index.max().item<std::int64_t>(), 3);
 }
 
-TEST(PrioritisedReplay, CannotDrawWhereEveryPriorityIsZero) {
+TEST(PrioritisedReplay, DrawsUniformlyWhereEveryPriorityIsZero) {
     ReplayBuffer replay = prioritised(10, 3);
     give(replay, {0, 1}, {0, 0});
-    EXPECT_THAT(probabilities(replay), ElementsAre(0.0f, 0.0f));
+    EXPECT_THAT(probabilities(replay), ElementsAre(0.5f, 0.5f));
     std::mt19937_64 random(1);
-    EXPECT_THAT([&] { replay.sample(1, random); },
-                ThrowsMessage<std::runtime_error>(HasSubstr("priorities are all 0")));
+    const auto batch = replay.sample(100, random);
+    EXPECT_THAT(batch.index.sum().item<std::int64_t>(), AllOf(Gt(25), Lt(75)));
+    EXPECT_TRUE((batch.probability == 0.5).all().item<bool>());
+}
+
+TEST(PrioritisedReplay, CannotDrawFromNothing) {
+    std::mt19937_64 random(1);
     EXPECT_THAT([&] { prioritised(10, 1).sample(1, random); },
                 ThrowsMessage<std::runtime_error>(HasSubstr("no transition")));
 }
