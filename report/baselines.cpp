@@ -30,7 +30,8 @@ std::vector<std::string> score_columns(const CsvTable& table) {
 /// it.
 std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std::string> names) {
     std::ranges::stable_sort(names, {}, [&](const std::string& name) {
-        return std::pair(name.find(wanted) == name.npos, edit_distance(wanted, name));
+        return std::pair(lower(name).find(lower(wanted)) == name.npos,
+                         edit_distance(lower(wanted), lower(name)));
     });
     names.resize(std::min<std::size_t>(names.size(), 3));
     return names;
@@ -40,7 +41,7 @@ std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std:
 
 std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
                                      const std::vector<std::string>& names) {
-    const auto table = read_csv(csv);
+    const auto table = read_whole_csv(csv);
     const auto game_column = table.find("game");
     if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", csv.string()));
     const auto known = score_columns(table);

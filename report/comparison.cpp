@@ -244,8 +244,8 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
 }
 
-/// Recorded groups that lack a game which all others have: they are beside those, and must not take games
-/// from the comparison.
+/// Of recorded groups the games that no other group has, and whole groups that lack a game which all others
+/// have: they are beside those, and must not take games from the comparison.
 void leave_out_recorded(Comparison& comparison) {
     std::map<std::string_view, std::size_t> groups_with;
     std::size_t own = 0;
@@ -256,8 +256,12 @@ void leave_out_recorded(Comparison& comparison) {
         for (const auto& run : group.runs) games.insert(run.game->name);
         for (const auto game : games) ++groups_with[game];
     }
-    std::erase_if(comparison.groups, [&](const Group& group) {
+    std::erase_if(comparison.groups, [&](Group& group) {
         if (own == 0 || !is_recorded(group)) return false;
+        std::erase_if(group.runs, [&](const Run& run) { return !groups_with.contains(run.game->name); });
+        if (group.runs.empty())
+            comparison.left_out_baselines.push_back({group.label, "it has no run of these games"});
+        if (group.runs.empty()) return true;
         std::vector<std::string_view> missing;
         for (const auto& [game, groups] : groups_with) {
             const auto game_of = [](const Run& run) -> std::string_view { return run.game->name; };
@@ -306,6 +310,13 @@ std::vector<std::string> sentences(const std::vector<LeftOut>& items) {
     return texts;
 }
 
+/// Its folder; of a recorded run its group, game and seed.
+std::string name_of(const Run& run) {
+    return run.recorded_as.empty()
+               ? run.folder.string()
+               : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
+}
+
 /// "1 run is", "3 runs are"
 std::string runs_are(std::size_t count) {
     return count == 1 ? "1 run is" : fmt::format("{} runs are", count);
@@ -317,7 +328,7 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
         for (const auto& run : group.runs) {
             if (!run.finished)
                 unfinished.push_back(fmt::format("{} is unfinished: {:.0f} of {:.0f} agent steps",
-                                                 run.folder.string(), run.reached, run.total_steps));
+                                                 name_of(run), run.reached, run.total_steps));
             doubts.insert(doubts.end(), run.doubts.begin(), run.doubts.end());
         }
     }
@@ -384,7 +395,8 @@ void require_runs(const FoundRuns& found) {
 
 bool Comparison::is_complete() const {
     const auto finished = [](const Group& group) {
-        return std::ranges::all_of(group.runs, [](const Run& run) { return run.finished; });
+        return is_recorded(group) ||
+               std::ranges::all_of(group.runs, [](const Run& run) { return run.finished; });
     };
     return missing_runs.empty() && left_out_runs.empty() && std::ranges::all_of(groups, finished);
 }

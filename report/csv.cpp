@@ -71,7 +71,8 @@ CsvTable read_csv(const std::filesystem::path& path) {
     const std::string text{std::istreambuf_iterator<char>(file), {}};
 
     CsvTable table{.path = path};
-    std::size_t line_number = 0, start = 0;
+    constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+    std::size_t line_number = 0, start = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
     for (std::size_t end = 0; (end = text.find('\n', start)) != text.npos; start = end + 1) {
         auto line = std::string_view(text).substr(start, end - start);
         if (line.ends_with('\r')) line.remove_suffix(1);
@@ -106,7 +107,7 @@ std::string csv_line(const std::vector<std::string>& cells) {
     std::string line;
     for (const auto& cell : cells) {
         if (&cell != cells.data()) line += ',';
-        if (cell.find_first_of(",\"\n") == cell.npos) {
+        if (cell.find_first_of(",\"\n") == cell.npos && !cell.starts_with('#')) {
             line += cell;
             continue;
         }

@@ -7,6 +7,8 @@
 #include <functional>
 #include <map>
 #include <numeric>
+#include <ranges>
+#include <set>
 #include <utility>
 
 #include "cale/action.h"
@@ -42,6 +44,28 @@ std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data)
     sorted.reserve(rows.size());
     for (auto& [name, row] : rows) sorted.push_back(std::move(row));
     return sorted;
+}
+
+/// The labels by group, empty for a group that these rows have nothing of.
+std::vector<std::string> labels_in(const std::vector<GameRow>& rows, const Comparison& comparison) {
+    auto labels = labels_of(comparison);
+    for (std::size_t group = 0; group < labels.size(); ++group)
+        if (std::ranges::none_of(rows, [&](const GameRow& row) { return row.results[group] != nullptr; }))
+            labels[group].clear();
+    return labels;
+}
+
+/// "2-5 runs per game", of these rows.
+std::string runs_in(const std::vector<GameRow>& rows) {
+    std::set<std::size_t> counts;
+    for (const auto& row : rows)
+        for (const auto* result : row.results)
+            if (result != nullptr) counts.insert(result->runs.size());
+    return runs_text(*counts.begin(), *counts.rbegin());
+}
+
+std::int64_t drawn(const std::vector<std::string>& labels) {
+    return std::ranges::count_if(labels, [](const std::string& label) { return !label.empty(); });
 }
 
 bool has_curve(const GameResult& result) {
@@ -146,15 +170,15 @@ void draw_references(Picture& picture, const Panel& panel, std::vector<Reference
     }
 }
 
-/// "WHAT: a = name, b = name, ...", as panels are too small for names. Returns the height in pixels below
-/// `top` that it takes.
+/// "WHAT: a = name, b = name, ...", as panels are too small for names; an empty name is left out. Returns the
+/// height in pixels below `top` that it takes.
 double draw_letter_key(Picture& picture, const std::string& what, const std::vector<std::string>& names,
                        double top) {
     constexpr double kSize = 11, kRow = 15;
     if (names.empty()) return 0;
     std::vector<std::string> parts;
     for (std::size_t i = 0; i < names.size(); ++i)
-        parts.push_back(fmt::format("{} = {}", letter(i), names[i]));
+        if (!names[i].empty()) parts.push_back(fmt::format("{} = {}", letter(i), names[i]));
     double y = top;
     for (const auto& line :
          wrapped(fmt::format("{}: {}", what, fmt::join(parts, ", ")), picture.width - 2 * kMargin, kSize)) {
@@ -165,10 +189,10 @@ double draw_letter_key(Picture& picture, const std::string& what, const std::vec
 }
 
 /// A picture with a title, a legend, and below them a grid for so many panels.
-std::pair<Picture, Grid> small_multiples(const std::string& title, const Comparison& comparison,
+std::pair<Picture, Grid> small_multiples(const std::string& title, const std::vector<std::string>& labels,
                                          std::size_t count, const std::vector<Baseline>& references = {}) {
     Picture picture = titled_picture(title, Grid(count, 0).width());
-    double top = 52 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
+    double top = 52 + draw_legend(picture, labels, kMargin, picture.width - kMargin, 48);
     std::vector<std::string> names;
     names.reserve(references.size());
     for (const auto& reference : references) names.push_back(reference.name);
@@ -176,10 +200,11 @@ std::pair<Picture, Grid> small_multiples(const std::string& title, const Compari
     return {std::move(picture), Grid(count, top)};
 }
 
-void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std::vector<double>>& shares) {
-    const auto groups = static_cast<double>(shares.size());
+/// Bars of the groups that have a label.
+void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std::vector<double>>& shares,
+                     const std::vector<std::string>& labels) {
     const double row = (panel.bottom - panel.top) / kEventCount;
-    const double thickness = (row - 4) / groups;
+    const double thickness = (row - 4) / static_cast<double>(drawn(labels));
     for (const double tick : fitting_ticks(panel, 4, 11)) {
         const double x = panel.to_x(tick);
         draw_grid_line_at_x(picture, panel, tick);
@@ -188,9 +213,11 @@ void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std
     }
     for (std::size_t event = 0; event < kEventCount; ++event) {
         const double top = panel.top + row * static_cast<double>(event) + 2;
+        double y = top - thickness;
         for (std::size_t group = 0; group < shares.size(); ++group) {
+            if (labels[group].empty()) continue;
+            y += thickness;
             if (shares[group].empty()) continue;
-            const double y = top + thickness * static_cast<double>(group);
             picture.areas.push_back(rectangle(panel.left, y, panel.to_x(shares[group][event]), y + thickness,
                                               series_colour(group)));
             picture.areas.back().of.series = static_cast<int>(group);
@@ -213,9 +240,9 @@ struct EventPanel {
     std::vector<std::vector<double>> shares{};  // by group and Event
 };
 
-/// A panel per game, or where that would be many, the mean over the games that all groups have.
-std::vector<EventPanel> event_panels(const Comparison& comparison) {
-    const auto rows = rows_with(comparison, has_events);
+/// A panel per game, or where that would be many, the mean over the games that all groups with a label have.
+std::vector<EventPanel> event_panels(const std::vector<GameRow>& rows,
+                                     const std::vector<std::string>& labels) {
     std::vector<EventPanel> panels;
     for (const auto& row : rows) {
         EventPanel panel{.title = std::string(row.game->name), .game = std::string(row.game->name)};
@@ -224,17 +251,22 @@ std::vector<EventPanel> event_panels(const Comparison& comparison) {
         panels.push_back(std::move(panel));
     }
     if (panels.size() <= kMostEventPanels) return panels;
-    std::erase_if(panels, [](const EventPanel& panel) {
-        return std::any_of(panel.shares.begin(), panel.shares.end(),
-                           [](const auto& own) { return own.empty(); });
+    const auto every = std::views::iota(std::size_t{0}, labels.size());
+    std::erase_if(panels, [&](const EventPanel& panel) {
+        return std::ranges::any_of(
+            every, [&](std::size_t group) { return !labels[group].empty() && panel.shares[group].empty(); });
     });
     if (panels.empty()) return panels;
     EventPanel mean{.title = fmt::format("mean over {} games", panels.size())};
-    mean.shares.assign(comparison.results.size(), std::vector<double>(kEventCount, 0.0));
-    for (const auto& panel : panels)
-        for (std::size_t group = 0; group < mean.shares.size(); ++group)
+    mean.shares.resize(labels.size());
+    for (const auto& panel : panels) {
+        for (const auto group : every) {
+            if (labels[group].empty()) continue;
+            mean.shares[group].resize(kEventCount);
             for (std::size_t event = 0; event < kEventCount; ++event)
                 mean.shares[group][event] += panel.shares[group][event] / static_cast<double>(panels.size());
+        }
+    }
     return {mean};
 }
 
@@ -243,8 +275,8 @@ std::vector<EventPanel> event_panels(const Comparison& comparison) {
 Picture game_curves_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_curve);
     const auto references = references_of(comparison);
-    auto [picture, grid] =
-        small_multiples("Learning curves, game by game", comparison, rows.size(), references);
+    auto [picture, grid] = small_multiples("Learning curves, game by game", labels_in(rows, comparison),
+                                           rows.size(), references);
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<double> values;
         double last_step = 1;
@@ -273,7 +305,7 @@ Picture game_curves_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, grid.bottom(),
-        fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_text(comparison),
+        fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_in(rows),
                     interval_text(comparison, "bands", kBandResamples),
                     references.empty() ? "" : "; dashed lines that are far from the curves are left out"));
     return picture;
@@ -321,12 +353,14 @@ Picture game_table_figure(const Comparison& comparison) {
 }
 
 Picture event_figure(const Comparison& comparison) {
-    const auto panels = event_panels(comparison);
-    const double row = std::max(16.0, 5 * static_cast<double>(comparison.results.size()) + 4);
+    const auto rows = rows_with(comparison, has_events);
+    const auto labels = labels_in(rows, comparison);
+    const auto panels = event_panels(rows, labels);
+    const double row = std::max(16.0, 5 * static_cast<double>(drawn(labels)) + 4);
     const double names = 118, panel_width = panels.size() == 1 ? 520 : 200, between = 40;
     Picture picture = titled_picture(
         "Joystick events", kMargin + names + static_cast<double>(panels.size()) * (panel_width + between));
-    const double top = 80 + draw_legend(picture, labels_of(comparison), kMargin, picture.width - kMargin, 48);
+    const double top = 80 + draw_legend(picture, labels, kMargin, picture.width - kMargin, 48);
     const double bottom = top + row * kEventCount;
     double highest = 0.01;
     for (const auto& panel : panels)
@@ -348,7 +382,7 @@ Picture event_figure(const Comparison& comparison) {
                           .x = {0, 1.05 * highest}};
         const auto before = extent_of(picture);
         title_panel(picture, panel, panels[i].title);
-        draw_event_bars(picture, panel, panels[i].shares);
+        draw_event_bars(picture, panel, panels[i].shares, labels);
         assign_panel(picture, before, panel, panels[i].game);
     }
     finish_picture(
@@ -356,7 +390,7 @@ Picture event_figure(const Comparison& comparison) {
         fmt::format("part of the agent steps of {} at which the event was chosen; mean over the runs ({})",
                     comparison.config.score == ScoreKind::training ? "all of each run's training"
                                                                    : "each run's newest evaluation",
-                    runs_text(comparison)));
+                    runs_in(rows)));
     return picture;
 }
 
@@ -413,7 +447,7 @@ bool has_zones(const GameResult& result) {
 Picture zone_figure(const Comparison& comparison) {
     auto rows = rows_with(comparison, has_zones);
     rows.resize(std::min<std::size_t>(rows.size(), 6));
-    const auto labels = labels_of(comparison);
+    const auto labels = labels_in(rows, comparison);
     struct Shown {
         std::string_view game;
         std::string title;
@@ -422,14 +456,14 @@ Picture zone_figure(const Comparison& comparison) {
     std::vector<Shown> shown;
     for (const auto& row : rows) {
         for (std::size_t group = 0; group < row.results.size(); ++group) {
-            const auto which = labels.size() == 1 ? "" : ": " + letter(group);
+            const auto which = drawn(labels) == 1 ? "" : ": " + letter(group);
             if (const auto* result = row.results[group]; result != nullptr)
                 shown.push_back({row.game->name, std::string(row.game->name) + which, result->zones});
         }
     }
     auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
     draw_zone_key(picture, kMargin, 50);
-    const double key = labels.size() > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
+    const double key = drawn(labels) > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
     const Grid grid(shown.size(), 100 + key);
     for (std::size_t i = 0; i < shown.size(); ++i) {
         Panel panel = grid.panel(i);
@@ -445,13 +479,14 @@ Picture zone_figure(const Comparison& comparison) {
     finish_picture(picture, grid.bottom(),
                    fmt::format("part of the agent steps since the point before, over agent steps; mean of "
                                "the runs ({}); six games at most",
-                               runs_text(comparison)));
+                               runs_in(rows)));
     return picture;
 }
 
 Picture reward_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_rewards);
-    auto [picture, grid] = small_multiples("Rewards of an agent step, by quantile", comparison, rows.size());
+    auto [picture, grid] =
+        small_multiples("Rewards of an agent step, by quantile", labels_in(rows, comparison), rows.size());
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<double> rewards;
         for (const auto* result : rows[i].results)
@@ -478,7 +513,7 @@ Picture reward_figure(const Comparison& comparison) {
     finish_picture(picture, grid.bottom(),
                    "reward (vertical) that the given part of the agent steps (horizontal) of each run's "
                    "newest evaluation did not exceed; mean over the runs (" +
-                       runs_text(comparison) + ")");
+                       runs_in(rows) + ")");
     return picture;
 }
 
@@ -511,7 +546,8 @@ std::vector<Figure> game_figures(const Comparison& comparison) {
                   : " The highest mean of the groups is bold; without intervals, that means little.") +
              floor_sentence(comparison),
          game_table_figure(comparison)});
-    if (!event_panels(comparison).empty()) {
+    const auto with_events = rows_with(comparison, has_events);
+    if (!event_panels(with_events, labels_in(with_events, comparison)).empty()) {
         all.push_back({"events", "Joystick events",
                        fmt::format("What the agents ask of the joystick {}.",
                                    comparison.config.score == ScoreKind::training ? "in all their training"

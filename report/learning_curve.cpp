@@ -84,17 +84,30 @@ std::vector<double> moving_average(const std::vector<double>& values, std::size_
     return averages;
 }
 
-std::vector<double> mean_returns(const EpisodeHistory& episodes, double window) {
-    std::vector<double> means;
+StepCurve mean_returns(const EpisodeHistory& episodes, double window, double end) {
+    StepCurve curve;
     double sum = 0;
-    std::size_t oldest = 0;
-    for (std::size_t i = 0; i < episodes.returns.size(); ++i) {
-        sum += episodes.returns[i];
-        while (oldest < i && episodes.steps[oldest] <= episodes.steps[i] - window)
+    std::size_t oldest = 0, next = 0;  // the window holds the episodes [oldest, next)
+    const auto add_point = [&](double step) {
+        if (curve.steps.empty() || step > curve.steps.back()) {
+            curve.steps.push_back(step);
+            curve.values.emplace_back();
+        }
+        curve.values.back() = sum / static_cast<double>(next - oldest);
+    };
+    while (true) {
+        const double ends = next < episodes.steps.size() ? episodes.steps[next] : HUGE_VAL;
+        const double leaves = next > oldest + 1 ? episodes.steps[oldest] + window : HUGE_VAL;
+        const double step = std::min(ends, leaves);
+        if (step > end || step == HUGE_VAL) break;
+        if (leaves <= ends)
             sum -= episodes.returns[oldest++];
-        means.push_back(sum / static_cast<double>(i + 1 - oldest));
+        else
+            sum += episodes.returns[next++];
+        add_point(step);
     }
-    return means;
+    if (next > 0) add_point(end);
+    return curve;
 }
 
 namespace {
@@ -226,8 +239,12 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
     picture.words.push_back({"agent steps", {axes.right, kBottom + 40}, kInk, 13, Anchor::end});
     if (count > 0) {
-        picture.words.push_back(
-            {fmt::format("mean of {} episodes", window), {kRightEdge, 30}, kBold, 13, Anchor::end, true});
+        picture.words.push_back({fmt::format("mean of {} episode{}", window, window == 1 ? "" : "s"),
+                                 {kRightEdge, 30},
+                                 kBold,
+                                 13,
+                                 Anchor::end,
+                                 true});
         picture.words.push_back({fmt::format("each of {} episodes", count),
                                  {kRightEdge, 48},
                                  {0x6f, 0xa3, 0xd6},

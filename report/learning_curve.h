@@ -30,9 +30,16 @@ EpisodeHistory read_episodes(const std::filesystem::path& path);
 /// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.
 std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);
 
-/// Element i is the mean return of the episodes that ended in the `window` agent steps up to the end of
-/// episode i, which is always among them, whatever the steps are.
-std::vector<double> mean_returns(const EpisodeHistory& episodes, double window);
+/// A value that changes at these agent steps, which ascend, and stays between them.
+struct StepCurve {
+    std::vector<double> steps{};
+    std::vector<double> values{};
+};
+
+/// The mean return of the episodes that ended in the newest `window` agent steps. It changes where an episode
+/// ends and where one leaves the window; where none is left in it, the newest counts. The last step is `end`,
+/// which must not lie before the last episode's; without episodes there is none.
+StepCurve mean_returns(const EpisodeHistory& episodes, double window, double end);
 
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve
 /// into less than a third of the picture, as words beside it.

@@ -162,6 +162,7 @@ double draw_legend(Picture& picture, const std::vector<std::string>& names, doub
     constexpr double kSample = 24, kGap = 7, kBetween = 22, kRow = 19, kSize = 12.5;
     double x = left, y = top + kRow / 2;
     for (std::size_t i = 0; i < names.size(); ++i) {
+        if (names[i].empty()) continue;
         const double width = kSample + kGap + text_width(names[i], kSize);
         if (x > left && x + width > right) {
             x = left;

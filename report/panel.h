@@ -73,7 +73,8 @@ void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, d
 void draw_curve(Picture& picture, const Panel& panel, const std::vector<double>& x,
                 const std::vector<Estimate>& y, std::size_t series, bool with_band);
 
-/// A sample of each series and its name, in as many rows as are needed between `left` and `right`.
+/// A sample of each series that has a name, and the name, in as many rows as are needed between `left` and
+/// `right`.
 /// Returns the height in pixels below `top` that they take.
 double draw_legend(Picture& picture, const std::vector<std::string>& names, double left, double right,
                    double top);

@@ -46,11 +46,14 @@ constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
                                                           "log.every",
                                                           "log.tensorboard"};
 
-void flatten(const YAML::Node& node, const std::string& name, std::map<std::string, std::string>& settings) {
+void flatten(const YAML::Node& node, const std::string& name, std::map<std::string, std::string>& settings,
+             int depth = 0) {
+    constexpr int kDeepest = 16;  // an alias may lead back to what holds it
+    if (depth > kDeepest) throw YAML::Exception(node.Mark(), fmt::format("'{}' is nested too deeply", name));
     if (node.IsMap()) {
         for (const auto& entry : node) {
             const auto key = entry.first.as<std::string>();
-            flatten(entry.second, name.empty() ? key : fmt::format("{}.{}", name, key), settings);
+            flatten(entry.second, name.empty() ? key : fmt::format("{}.{}", name, key), settings, depth + 1);
         }
     } else if (node.IsScalar()) {
         settings[name] = node.Scalar();
@@ -162,12 +165,13 @@ double iteration_of(const Run& run, const EpisodeHistory& episodes) {
 }
 
 void read_training(Run& run, const EpisodeHistory& episodes) {
-    run.steps = episodes.steps;
-    const double last = episodes.steps.back();
     const double iteration = iteration_of(run, episodes);
-    run.scores = mean_returns(episodes, iteration);
-    run.games_in_score = std::ranges::count_if(
-        episodes.steps, [&](double step) { return step == last || step > last - iteration; });
+    auto curve = mean_returns(episodes, iteration, run.reached);
+    run.steps = std::move(curve.steps);
+    run.scores = std::move(curve.values);
+    run.games_in_score =
+        std::ranges::count_if(episodes.steps, [&](double step) { return step > run.reached - iteration; });
+    run.games_in_score = std::max<std::int64_t>(run.games_in_score, 1);  // the newest, if none
 }
 
 /// How far a run came, and the file that says so.
@@ -421,8 +425,10 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         progress.file = folder / "metadata.json";
     }
     run.reached = std::max(progress.step, episodes.steps.empty() ? 0 : episodes.steps.back());
-    // As near to the end as the log's rhythm allows.
-    run.finished = run.reached + number_of(run.settings, "log.every") >= run.total_steps;
+    // Of a folder without metadata.json and checkpoints only the log says how far it came.
+    const bool logged_only = progress.checkpoint.empty() && !fs::exists(folder / "metadata.json");
+    const double log_every = logged_only ? number_of(run.settings, "log.every") : 0;
+    run.finished = run.reached + log_every >= run.total_steps;
     const auto evaluations = evaluations_of(folder);
     if (kind == ScoreKind::training) {
         if (episodes.steps.empty())

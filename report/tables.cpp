@@ -383,13 +383,17 @@ Table shared_setting_table(const Comparison& comparison) {
     return table;
 }
 
+std::string runs_text(std::size_t least, std::size_t most) {
+    return fmt::format("{} run{} per game", span_text(least, most), most == 1 ? "" : "s");
+}
+
 std::string runs_text(const Comparison& comparison) {
     std::size_t least = comparison.results.front().least_runs, most = 0;
     for (const auto& result : comparison.results) {
         least = std::min(least, result.least_runs);
         most = std::max(most, result.most_runs);
     }
-    return fmt::format("{} run{} per game", span_text(least, most), most == 1 ? "" : "s");
+    return runs_text(least, most);
 }
 
 std::string to_text(const Table& table) {

@@ -31,6 +31,7 @@ Table setting_table(const Comparison& comparison);
 Table shared_setting_table(const Comparison& comparison);
 
 /// "5 runs per game", "2-5 runs per game"
+std::string runs_text(std::size_t least, std::size_t most);
 std::string runs_text(const Comparison& comparison);
 
 /// The table in columns of text for a terminal.

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -122,7 +123,7 @@ Beside read_beside(const Options& options) {
         throw std::invalid_argument(
             "--baselines: recorded runs have scores of their training: leave --score evaluation out, or "
             "them");
-    beside.recorded = read_recorded_runs(own, recorded);
+    if (!recorded.empty()) beside.recorded = read_recorded_runs(own, recorded);
     try {
         beside.baselines = read_baselines(shipped ? data_file("reference_scores.csv") : own, published);
     } catch (const std::invalid_argument& error) {
@@ -142,6 +143,8 @@ std::map<std::string, std::string> names_of_groups(const std::vector<std::string
         if (equals == text.npos || equals == 0 || equals + 1 == text.size())
             throw std::invalid_argument(
                 fmt::format("--name {}: expected LABEL=NAME, such as 'sac, phi_dqn=SAC'", text));
+        if (std::ranges::any_of(text, [](unsigned char c) { return std::iscntrl(c) != 0; }))
+            throw std::invalid_argument(fmt::format("--name {}: it holds a control character", text));
         if (!names.emplace(text.substr(0, equals), text.substr(equals + 1)).second)
             throw std::invalid_argument(
                 fmt::format("--name {}: this group has been given another name already", text));

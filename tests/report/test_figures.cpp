@@ -204,6 +204,18 @@ TEST_F(Figures, EventsAreThoseOfTheScoreThatIsShown) {
                 AllOf(HasSubstr("newest evaluation"), Not(HasSubstr("training"))));
 }
 
+TEST_F(Figures, GroupsWithoutEventsAreNotNamedBesideThem) {
+    for (const std::string agent : {"sac", "dqn"})
+        for (const std::string game : {"Alien", "Boxing", "Breakout", "Krull", "Pong"})
+            folders_.run(agent + game, agent, game, 1, {-20, -10});
+    for (const std::string game : {"Alien", "Boxing", "Breakout", "Krull", "Pong"})
+        folders_.write("sac" + game + "/joystick_events.csv", "event,count\nUP,3\n");
+    const auto comparison =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    const auto text = text_of(event_figure(comparison));
+    EXPECT_THAT(text, AllOf(HasSubstr("mean over 5 games"), HasSubstr("sac"), Not(HasSubstr("dqn"))));
+}
+
 TEST_F(Figures, LinesToCompareWithHaveLabels) {
     for (const std::uint64_t seed : {1, 2})
         folders_.run(fmt::format("{}", seed), "sac", "Alien", seed, {200, 400},

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <string>
@@ -83,12 +82,14 @@ TEST_F(LearningCurve, AveragesOverTheNewestValues) {
 
 TEST_F(LearningCurve, AveragesOverTheNewestSteps) {
     const EpisodeHistory episodes{.steps = {10, 30, 35, 200, 200}, .returns = {1, 3, 8, 10, 20}};
-    EXPECT_THAT(mean_returns(episodes, 20), ElementsAre(1, 3, 5.5, 10, 15));
-    EXPECT_THAT(mean_returns(episodes, 1e9), ElementsAre(1, 2, 4, 5.5, 8.4));
-    EXPECT_THAT(mean_returns({}, 20), IsEmpty());
-    const auto endless = std::numeric_limits<double>::infinity();
-    EXPECT_THAT(mean_returns({.steps = {0, 0}, .returns = {1, 3}}, 0), ElementsAre(1, 3));
-    EXPECT_THAT(mean_returns({.steps = {endless, endless}, .returns = {1, 3}}, 20), ElementsAre(1, 3));
+    const auto newest = mean_returns(episodes, 20, 300);
+    EXPECT_THAT(newest.steps, ElementsAre(10, 30, 35, 50, 200, 220, 300));
+    EXPECT_THAT(newest.values, ElementsAre(1, 3, 5.5, 8, 15, 20, 20));
+    const auto all = mean_returns(episodes, 1e9, 200);
+    EXPECT_THAT(all.steps, ElementsAre(10, 30, 35, 200));
+    EXPECT_THAT(all.values, ElementsAre(1, 2, 4, 8.4));
+    EXPECT_THAT(mean_returns({}, 20, 100).steps, IsEmpty());
+    EXPECT_THAT(mean_returns({.steps = {0, 0}, .returns = {1, 3}}, 0, 0).values, ElementsAre(3));
 }
 
 TEST_F(LearningCurve, ShowsEveryReturnAndTheirAverage) {

@@ -78,7 +78,7 @@ TEST_F(Runs, ScoreIsTheMeanOverATenthOfTheRun) {
     folders_.run("b", "sac", "Pong", 2, returns);  // a Monitor file, say, of whose plans nothing is known
     const auto both = found().runs;
     EXPECT_DOUBLE_EQ(both.at(0).score(), 3);
-    EXPECT_DOUBLE_EQ(both.at(0).scores.at(139), 1.5) << "of 20 games";
+    EXPECT_EQ(score_at(both.at(0), 14'000), 1.5) << "of 20 games";
     EXPECT_EQ(both.at(0).games_in_score, 20);
     EXPECT_EQ(both.at(1).games_in_score, 15);
 }
@@ -94,6 +94,34 @@ TEST_F(Runs, WhereNoGameEndedInTheIterationTheNewestCounts) {
     const auto run = found().runs.at(0);
     EXPECT_THAT(run.scores, ElementsAre(-21, -19));
     EXPECT_EQ(run.games_in_score, 1);
+}
+
+TEST_F(Runs, TheNewestIterationEndsWithTheRunAndNotWithAGame) {
+    folders_.run("a", "sac", "Pong", 1, {-21, -19, -17}, "train: {total_steps: 1000}\n");  // 100 steps each
+    folders_.write("a/progress.csv", "global_step,frame\n350,1400\n");
+    const auto run = found().runs.at(0);
+    EXPECT_THAT(run.steps, ElementsAre(100, 200, 300, 350));
+    EXPECT_THAT(run.scores, ElementsAre(-21, -19, -17, -17));
+    EXPECT_EQ(run.games_in_score, 1);
+}
+
+TEST_F(Runs, ARunThatStoppedEarlyIsNotFinishedHoweverSeldomItLogs) {
+    const auto is_finished = [&] { return found().runs.at(0).finished; };
+    folders_.run("a", "sac", "Pong", 1, {-21, -19}, "train: {total_steps: 1000}\nlog: {every: 1000}\n");
+    EXPECT_TRUE(is_finished()) << "nothing but its log could tell";
+    folders_.write("a/metadata.json", R"({"finished": false})");
+    EXPECT_FALSE(is_finished());
+    folders_.write("a/metadata.json", R"({"finished": true})");
+    EXPECT_TRUE(is_finished());
+}
+
+TEST_F(Runs, SettingsThatLeadBackToThemselvesLeaveOutTheirRunAlone) {
+    folders_.run("a", "sac", "Pong", 1, {-21}, "loop: &x\n  again: *x\n");
+    folders_.run("b", "sac", "Pong", 2, {-21});
+    const auto all = found();
+    EXPECT_THAT(all.runs, SizeIs(1));
+    ASSERT_THAT(all.left_out, SizeIs(1));
+    EXPECT_THAT(all.left_out[0].why, HasSubstr("nested too deeply"));
 }
 
 TEST_F(Runs, EventsAreThoseOfTheTrainingWhoseScoreCounts) {
