@@ -54,7 +54,7 @@ void fields(ReplaySettings& settings, Visit&& visit) {
     visit("gradient_steps", settings.gradient_steps, Range{1, 1000}, "gradient steps per update");
     visit("replay_capacity", settings.replay_capacity, Range{1, 1e9}, "transitions kept in the replay");
     visit("batch_size", settings.batch_size, Range{1, 65'536}, "transitions per gradient step");
-    visit("reward_clip", settings.reward_clip, Range{0, 1e9},
+    visit("reward_clip", settings.reward_clip, Range{1e-6, 1e9},
           "rewards are clipped to plus or minus this when stored; none: off");
     visit("reward_scale", settings.reward_scale, Range{0, 1e9},
           "factor of the n-step return in the values' target");

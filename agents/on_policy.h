@@ -80,7 +80,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
           "gradient steps until it is 0 (and stays so); 0: the whole run");
     visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
     visit("reward_scale", settings.reward_scale, Range{0, 1e9}, "factor of every reward");
-    visit("reward_clip", settings.reward_clip, Range{0, 1e9},
+    visit("reward_clip", settings.reward_clip, Range{1e-6, 1e9},
           "rewards are clipped to plus or minus this; none: off");
     visit(
         "replay_terminal", settings.replay_terminal,

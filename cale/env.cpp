@@ -171,6 +171,8 @@ Joystick coordinates(const EnvConfig& config) {
 ActionSpace action_space(const EnvConfig& config) {
     check_games(config);
     check_joystick(config);
+    check(config.motion);
+    check_numbered_actions(config);
     if (config.action_space == ActionSet::continuous) return joystick_space(coordinates(config));
     return Discrete{kEventCount};
 }

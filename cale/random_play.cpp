@@ -44,6 +44,17 @@ const RandomPlay& joystick_random(std::string_view game, std::string_view protoc
                                 std::string(protocol) + "': the protocols are 200m and atari100k");
 }
 
+namespace {
+
+/// Whether games are as long as those of random play, whose scores grow with it.
+bool has_usual_length(const EnvConfig& config) {
+    const EnvConfig usual;
+    return config.frame_skip == usual.frame_skip && config.max_frames_per_episode >= kShortestCap &&
+           config.max_frames_per_episode <= usual.max_frames_per_episode;
+}
+
+}  // namespace
+
 std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
     if (is_variant(config) || games_of(config.game).size() > 1) return std::nullopt;
     const EnvConfig measured = protocol_200m(config.game);
@@ -52,10 +63,7 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
         config.action_space == measured.action_space && coordinates(config) == measured.joystick &&
         config.threshold == measured.threshold && config.event_map == measured.event_map &&
         !moves(config.motion) && (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
-    const bool same_length = config.frame_skip == measured.frame_skip &&
-                             config.max_frames_per_episode >= kShortestCap &&
-                             config.max_frames_per_episode <= measured.max_frames_per_episode;
-    if (!same_joystick || !same_length || !was_measured(game)) return std::nullopt;
+    if (!same_joystick || !has_usual_length(config) || !was_measured(game)) return std::nullopt;
     if (config.sticky_probability == measured.sticky_probability) return joystick_random(game.name, "200m");
     if (config.sticky_probability == 0) return joystick_random(game.name, "atari100k");
     return std::nullopt;
@@ -64,7 +72,8 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
 std::optional<double> random_floor(const EnvConfig& config) {
     const bool events = config.action_space != ActionSet::continuous || config.joystick == Joystick::factored;
     if (games_of(config.game).size() > 1) return std::nullopt;
-    if (events && !is_variant(config) && !moves(config.motion)) return find_game(config.game).random_score;
+    if (events && !is_variant(config) && !moves(config.motion) && has_usual_length(config))
+        return find_game(config.game).random_score;
     const auto play = joystick_random(config);
     return play ? std::optional(play->mean) : std::nullopt;
 }

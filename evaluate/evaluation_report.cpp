@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/games.h"
 #include "cale/random_play.h"
 #include "cale/text.h"
 #include "settings/config.h"
@@ -43,9 +44,8 @@ std::string random_play(const EnvConfig& env) {
                            play->high);
     }
     if (const auto published = random_floor(env)) return fmt::format("{:.2f}, published", *published);
-    const bool own_rules = env.action_space == ActionSet::continuous || moves(env.motion) || is_variant(env);
-    return own_rules ? "not measured with this joystick and these rules"
-                     : "there is no random score of this game";
+    return find_game(env.game).random_score ? "not known with these actions and rules"
+                                            : "there is no random score of this game";
 }
 
 /// Without a human-normalised score where the game's mode or difficulty is another.

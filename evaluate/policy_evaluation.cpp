@@ -57,6 +57,10 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
             "this policy was trained with env.frame_stack={} and cannot act on {}: leave env.frame_stack out",
             policy.stack, env.frame_stack));
     }
+    if (observation_space(env).frame_size() != policy.frame_height * policy.frame_width) {
+        throw std::invalid_argument(
+            "this policy was trained with other observations: leave env.obs and env.observe_joystick out");
+    }
     if (continuous) return;
     const Env world(env, /*seed=*/0);
     if (std::ranges::equal(world.actions(), policy.actions)) return;

@@ -80,7 +80,7 @@ Layers trunk_layers(const EncoderConfig& config) {
         throw std::invalid_argument("agent.encoder " + std::string(encoder_of(config).name) +
                                     " convolves frames, and an observation is " +
                                     shape_text(config.observation) +
-                                    " bytes: set agent.encoder to mlp, or env.obs to pixels");
+                                    " bytes: set agent.encoder to mlp or flat, or env.obs to pixels");
     }
     return layers;
 }

@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <map>
-#include <sstream>
 #include <system_error>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include "cale/text.h"
+#include "settings/yaml.h"
 #include "storage/files.h"
 
 namespace cale {
@@ -22,23 +21,6 @@ std::string_view section_of(std::string_view key) {
 std::string_view name_of(std::string_view key) {
     return key.substr(key.find('.') + 1);
 }
-
-/// Where the documents of a YAML stream begin.
-struct DocumentStarts : YAML::EventHandler {
-    std::vector<YAML::Mark> marks;
-
-    void OnDocumentStart(const YAML::Mark& mark) override { marks.push_back(mark); }
-    void OnDocumentEnd() override {}
-    void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
-    void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
-    void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
-    void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                         YAML::EmitterStyle::value) override {}
-    void OnSequenceEnd() override {}
-    void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                    YAML::EmitterStyle::value) override {}
-    void OnMapEnd() override {}
-};
 
 // ---- values -------------------------------------------------------------------------
 
@@ -181,19 +163,9 @@ class YamlReader {
 
     static YAML::Node parse(const std::filesystem::path& file, const std::string& text) {
         try {
-            std::istringstream stream(text);
-            YAML::Parser parser(stream);
-            DocumentStarts starts;
-            // Not YAML::LoadAll(), which on some malformed files takes empty documents for ever.
-            while (starts.marks.size() < 2 && parser.HandleNextDocument(starts)) {
-            }
-            if (starts.marks.size() > 1) {
-                throw ConfigError(at(file, starts.marks[1]) +
-                                  "a second YAML document ('---'); a file may hold one only");
-            }
-            return YAML::Load(text);
+            return parse_yaml(text);
         } catch (const YAML::Exception& error) {
-            throw ConfigError(at(file, error.mark) + "not valid YAML: " + error.msg);
+            throw ConfigError(at(file, error.mark) + error.msg);
         }
     }
 
@@ -344,7 +316,7 @@ void ConfigEntry::set(std::string_view text) const {
     try {
         read_value(*this, text);
     } catch (const ConfigError&) {
-        if (!is_list_of_values(*this, text)) throw;
+        if (takes_list || !is_list_of_values(*this, text)) throw;
         throw ConfigError(fmt::format(
             "{} takes one value, not '{}'; `cale sweep` trains a run for each value of a list", key, text));
     }

@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "agents/agent.h"
+#include "agents/encoder_check.h"
 #include "cale/env.h"
 #include "cale/fields.h"
 #include "cale/games.h"
@@ -132,6 +133,7 @@ ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     table.add("train", config.train);
     table.add("eval", config.eval);
     table.add("log", config.log);
+    table.add_rule([&config] { check_encoder(config.agent, spec_of(config.env, config.train)); });
     if constexpr (requires { check_settings(config.agent, AgentSpec()); })
         table.add_rule([&config] { check_settings(config.agent, spec_of(config.env, config.train)); });
     return table;

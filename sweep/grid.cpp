@@ -60,7 +60,7 @@ std::vector<std::string> expand_one(std::string_view key, const std::string& tex
     if (*last - *first >= static_cast<std::int64_t>(kMostRuns))
         throw ConfigError(fmt::format("the range {} has more than {} values", text, kMostRuns));
     std::vector<std::string> values;
-    for (auto value = *first; value <= *last; ++value) values.push_back(std::to_string(value));
+    for (std::int64_t i = 0; i <= *last - *first; ++i) values.push_back(std::to_string(*first + i));
     return values;
 }
 

@@ -26,6 +26,8 @@ namespace {
 constexpr std::int64_t kMemoryOfProcess = 900'000'000;
 /// Configurations that a program is asked about in one command line, which the system limits to 128 kB.
 constexpr std::size_t kGroupsAtOnce = 50;
+/// Games and seeds in such a command line.
+constexpr std::size_t kValuesAtOnce = 2'000;
 /// A stored transition: a frame of 84 x 84, the action, the reward and the bookkeeping.
 constexpr std::int64_t kMemoryOfTransition = 7'400;
 
@@ -114,6 +116,18 @@ void print_configs(const Sweep& sweep, std::vector<std::string> command, std::sp
         groups[i].settings = std::make_shared<SettingTexts>(settings_in(printed[i]));
 }
 
+/// Returns the bounds of [0, size) cut into parts of at most `most`; at least one part, which may be empty.
+std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> parts_of(std::size_t size, std::size_t most) {
+    std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> parts;
+    std::size_t from = 0;
+    do {
+        const auto to = std::min(from + most, size);
+        parts.emplace_back(from, to);
+        from = to;
+    } while (from < size);
+    return parts;
+}
+
 /// A program and the configuration file that it reads, if any.
 using Base = std::vector<std::string>;
 
@@ -181,15 +195,15 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         add_run(run, bases[base_of(programs[run.agent], run)]);
     }
     for (auto& [base, runs] : bases) {
-        auto command = base;
-        // All games and seeds are checked in one go: a program reads its arguments in order.
-        command.insert(command.end(), runs.games_and_seeds.begin(), runs.games_and_seeds.end());
-        // The length of a command is limited.
-        for (std::size_t first = 0; first < runs.groups.size(); first += kGroupsAtOnce)
-            print_configs(sweep, command,
-                          std::span(runs.groups)
-                              .subspan(first)
-                              .first(std::min(kGroupsAtOnce, runs.groups.size() - first)));
+        // Many games and seeds are checked in one go: a program reads its arguments in order. The length of a
+        // command is limited, so all groups are checked with the first of them, and one group with the rest.
+        const std::vector<std::string> values(runs.games_and_seeds.begin(), runs.games_and_seeds.end());
+        for (const auto& [from, to] : parts_of(values.size(), kValuesAtOnce)) {
+            auto command = base;
+            command.insert(command.end(), values.begin() + from, values.begin() + to);
+            for (const auto& [first, last] : parts_of(from == 0 ? runs.groups.size() : 1, kGroupsAtOnce))
+                print_configs(sweep, command, {runs.groups.begin() + first, runs.groups.begin() + last});
+        }
     }
 
     std::set<std::pair<std::string, std::string>> roms;

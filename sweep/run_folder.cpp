@@ -134,11 +134,23 @@ std::string last_log_line(const fs::path& folder) {
 
 // ---- the claim ----------------------------------------------------------------------
 
+namespace {
+
+/// A child gets other standard streams: where one was closed, its number may be that of a file.
+int above_standard_streams(int descriptor) {
+    if (descriptor < 0 || descriptor > STDERR_FILENO) return descriptor;
+    const int other = ::fcntl(descriptor, F_DUPFD, STDERR_FILENO + 1);
+    ::close(descriptor);
+    return other;
+}
+
+}  // namespace
+
 // An "open file description" lock: of the descriptor rather than the process, so that a child inherits it,
 // and known to network file systems.
 std::optional<RunClaim> RunClaim::take(const fs::path& folder) {
     const auto file = folder / kClaim;
-    RunClaim claim(::open(file.c_str(), O_RDWR | O_CREAT, 0666));
+    RunClaim claim(above_standard_streams(::open(file.c_str(), O_RDWR | O_CREAT, 0666)));
     if (claim.descriptor_ < 0)
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot open '{}'", file.string()));

@@ -86,18 +86,6 @@ void keep_better(std::vector<PlannedRun>& runs, const Rung& rung) {
     std::erase_if(runs, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
 }
 
-/// Prints those runs whose folders hold others. Returns whether there are any.
-bool refuse_others(const Search& search, std::FILE* out) {
-    bool refused = false;
-    for (const auto& planned : search.runs) {
-        const auto reason = config_mismatch(planned, search.folder / planned.run.name);
-        if (reason.empty()) continue;
-        fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
-        refused = true;
-    }
-    return refused;
-}
-
 // ---- what is left -------------------------------------------------------------------
 
 void print(const Search& search, const Rung& rung, std::FILE* out) {
@@ -245,6 +233,17 @@ void check_search(const Search& search) {
                                 search.sweep.name, key, value));
         }
     }
+}
+
+bool refuse_others(const Search& search, std::FILE* out) {
+    bool refused = false;
+    for (const auto& planned : search.runs) {
+        const auto reason = config_mismatch(planned, search.folder / planned.run.name);
+        if (reason.empty()) continue;
+        fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
+        refused = true;
+    }
+    return refused;
 }
 
 std::vector<PlannedRun> next_runs(const Search& search) {

@@ -62,6 +62,9 @@ void check_search(const Search& search);
 /// to train; none where the search is done.
 std::vector<PlannedRun> next_runs(const Search& search);
 
+/// Prints those runs whose folders hold runs with other settings. Returns whether there are any.
+bool refuse_others(const Search& search, std::FILE* out);
+
 /// Trains the samples, prints how they compare to `out`, and leaves search.csv, with every sample, and
 /// search_best.yaml, the settings of the best one for --config, in the folder. Returns the exit code: 0 done,
 /// 1 some runs failed, which counts as the worst score, or are refused, and then nothing is trained, 130

@@ -31,7 +31,8 @@ std::optional<std::string> printed_as(const std::string& text) {
 
 std::string printed(const std::string& text) {
     if (auto truth = printed_as<bool>(text)) return *truth;
-    return printed_as<std::optional<double>>(text).value_or(text);
+    if (auto number = printed_as<std::optional<double>>(text)) return *number;
+    return printed_as<IntegerRange>(text).value_or(text);
 }
 
 }  // namespace

@@ -216,9 +216,12 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     auto machine = Machine::here();
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
-    if (options.task == SweepTask::show_commands)
-        return show_commands(compares ? next_runs(search) : runs, folder, options, slots.slots.front().device,
-                             out);
+    if (options.task == SweepTask::show_commands) {
+        if (compares && refuse_others(search, out)) return kSomeFailed;
+        const auto next = compares ? next_runs(search) : runs;
+        if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
+        return show_commands(next, folder, options, slots.slots.front().device, out);
+    }
     make_folder(folder, all_runs);
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);

@@ -13,6 +13,7 @@
 #include "cale/games.h"
 #include "cale/text.h"
 #include "settings/config.h"
+#include "settings/yaml.h"
 #include "storage/files.h"
 #include "sweep/grid.h"
 
@@ -129,9 +130,9 @@ class Reader {
                 fmt::format("cannot read '{}': {}{}", file_.string(), error.code().message(), others()));
         }
         try {
-            return YAML::Load(text);
+            return parse_yaml(text);
         } catch (const YAML::Exception& error) {
-            fail(error.mark, "not valid YAML: " + error.msg);
+            fail(error.mark, error.msg);
         }
     }
 

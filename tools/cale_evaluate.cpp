@@ -21,6 +21,7 @@
 #include "evaluate/run_evaluations.h"
 #include "settings/command_line.h"
 #include "settings/config.h"
+#include "storage/new_folder.h"
 #include "storage/run_lock.h"
 #include "terminal/console.h"
 #include "terminal/failure.h"
@@ -81,17 +82,18 @@ EvaluationPlan plan_of(const Options& options, const EnvConfig& env) {
 }
 
 /// A new folder: an evaluation is never written over another.
-fs::path make_folder(const Options& options, const PolicyInfo& policy, const EnvConfig& env) {
-    fs::path folder = !options.out.empty() ? fs::path(options.out)
-                                           : fs::path("evaluations") /
-                                                 fmt::format("{}__{}__{}__{}", only_game(env).name,
-                                                             policy.agent, options.seed, std::time(nullptr));
-    if (fs::exists(folder / "evaluation.csv")) {
-        throw ConfigError(fmt::format("--out {}: an evaluation is in there already; choose another folder",
-                                      folder.string()));
+NewFolder make_folder(const Options& options, const PolicyInfo& policy, const EnvConfig& env) {
+    if (options.out.empty()) {
+        return NewFolder::with_a_free_name(fs::path("evaluations") /
+                                           fmt::format("{}__{}__{}__{}", only_game(env).name, policy.agent,
+                                                       options.seed, std::time(nullptr)));
     }
-    make_output_folder("--out", folder);
-    return folder;
+    if (fs::exists(fs::path(options.out) / "evaluation.csv")) {
+        throw ConfigError(
+            fmt::format("--out {}: an evaluation is in there already; choose another folder", options.out));
+    }
+    make_output_folder("--out", options.out);
+    return NewFolder(options.out);
 }
 
 /// A policy, and what it is to play.
@@ -126,7 +128,8 @@ EvaluationReport report_of(const Options& options, const Task& task, const std::
 
 void evaluate_policy(const Options& options, torch::Device device) {
     Task task = task_of(options, options.policy, device);
-    const fs::path folder = make_folder(options, task.policy.info(), task.plan.env);
+    const NewFolder made = make_folder(options, task.policy.info(), task.plan.env);
+    const fs::path& folder = made.path();
     if (options.video) task.plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);
     if (options.step_log) {
         task.plan.step_logs = folder / "steps";

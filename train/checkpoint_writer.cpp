@@ -3,6 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "train/resume.h"
+
 namespace cale {
 
 CheckpointWriter::CheckpointWriter(std::filesystem::path run_dir, Retention retention,
@@ -25,9 +27,14 @@ void CheckpointWriter::finish() {
 }
 
 void CheckpointWriter::write(RunSnapshot snapshot) {
-    auto written = write_checkpoint(run_dir_, std::move(snapshot), last_ ? &*last_ : nullptr,
-                                    before_last_ ? &*before_last_ : nullptr);
-    before_last_ = std::exchange(last_, std::move(written));
+    // Of the same step once more the files are linked, and those of the checkpoint before are its own.
+    const bool again = last_ && checkpoint_step(last_->folder) == snapshot.state.step;
+    const auto& copied = again ? before_last_ : last_;
+    const auto& linked = again ? last_ : before_last_;
+    auto written = write_checkpoint(run_dir_, std::move(snapshot), copied ? &*copied : nullptr,
+                                    linked ? &*linked : nullptr);
+    if (!again) before_last_ = std::move(last_);
+    last_ = std::move(written);
     delete_other_checkpoints(run_dir_, last_->folder, retention_);
 }
 

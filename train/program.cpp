@@ -157,10 +157,11 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
     return program.table.differences(run_dir / "config.yaml");
 }
 
-/// What is behind a run cannot be undone.
+/// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
+/// train.total_steps.
 void check_length(const TrainingProgram& program, const fs::path& run_dir) {
     const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
-    if (step > program.settings.train.total_steps) {
+    if (step - program.settings.train.total_steps >= program.num_envs) {
         throw ResumeError(fmt::format(
             "--resume {}: it is at agent step {} already, and train.total_steps is {}; let it be more",
             run_dir.string(), step, program.settings.train.total_steps));
@@ -252,9 +253,11 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
+        std::string_view reason = error.what();
+        if (reason.ends_with('.')) reason.remove_suffix(1);
         throw ResumeError(fmt::format(
-            "--accept-changes: what is stored may not fit {}: {}; take that back, or start a new run",
-            changes, error.what()));
+            "--accept-changes: {}, which what is stored may not fit: {}; take that back, or start a new run",
+            changes, reason));
     }
 }
 

@@ -193,7 +193,7 @@ void Recorder::begin() {
     if (resumed_ == nullptr || options_.changed) write_checkpoint();
     if (state_.evaluation_due) {
         state_.evaluation_due = !run_evaluation();
-        if (!state_.evaluation_due) rewrite_checkpoint_after_evaluation();
+        if (!state_.evaluation_due && evaluations_decide()) write_checkpoint();
     }
     stop_ = agreed_to_stop(/*together=*/true);
 }
@@ -229,6 +229,10 @@ Outcome Recorder::finish() {
     if (files_) files_->checkpoints.finish();
     // A run that was killed behind the checkpoint of its last evaluation does not play that again.
     const bool evaluated = state_.score && state_.score->evaluated;
+    // A longer run plays the evaluation of this step, too, where it is due; else it must not know of it.
+    const bool due = passed(state_.step - world_.num_envs, state_.step, settings_.eval.every);
+    const bool forgets = !due && evaluations_decide() && options_.processes.single();
+    const auto agent_before = forgets ? agent_.state() : TensorMap();
     if (!complete || (!evaluated && !run_evaluation())) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
@@ -237,7 +241,9 @@ Outcome Recorder::finish() {
                                                 options_.run_dir.string()));
         return paused ? Outcome::paused : Outcome::interrupted;
     }
-    if (!evaluated) rewrite_checkpoint_after_evaluation();
+    if (forgets && !evaluated) agent_.load_state(agent_before);
+    // The same checkpoint once more, with the score and with what the evaluation drew.
+    if (!evaluated && (due || evaluations_decide())) write_checkpoint();
     if (files_) {
         files_->checkpoints.finish();
         files_->console.finish(files_->reported,
@@ -365,11 +371,6 @@ void Recorder::write_scheduled_checkpoint() {
     write_checkpoint();
 }
 
-/// The checkpoint of this step once more, with the score of an evaluation that came later than it did.
-void Recorder::rewrite_checkpoint_after_evaluation() {
-    if (evaluations_decide()) write_checkpoint();
-}
-
 // Evaluations -----------------------------------------------------------------------------
 
 /// Returns false where a signal has cut it off; the agent is then as it was before.
@@ -401,7 +402,7 @@ bool Recorder::run_evaluation() {
             return false;
         }
     }
-    if (evaluations_decide()) state_.score = {.evaluated = true, .mean_return = result.mean_return};
+    if (eval.every > 0) state_.score = {.evaluated = true, .mean_return = result.mean_return};
     if (!files_) return true;
     const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
     write_evaluation(csv, result);

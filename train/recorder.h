@@ -54,7 +54,6 @@ class Recorder {
     std::optional<PolicySnapshot> policy_snapshot() const;
     void write_checkpoint();
     void write_scheduled_checkpoint();
-    void rewrite_checkpoint_after_evaluation();
     bool run_evaluation();
     std::map<std::string, double> newest_metrics();
     std::string closing_line() const;

@@ -94,6 +94,9 @@ TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
     config.action_space = cale::ActionSet::full;
     EXPECT_EQ(cale::random_floor(config), 1027.0);
+    config.max_frames_per_episode = 400;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt);
+    config.max_frames_per_episode = 108'000;
     config.game = "air_raid";
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
 }

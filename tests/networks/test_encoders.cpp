@@ -214,7 +214,7 @@ TEST(Encoder, ConvolutionsOfBytesAreRefusedWithTheWayOut) {
             EXPECT_EQ(error.what(), "agent.encoder " +
                                         std::string(names_of(kind)[static_cast<std::size_t>(kind)]) +
                                         " convolves frames, and an observation is [4, 128] bytes: set "
-                                        "agent.encoder to mlp, or env.obs to pixels");
+                                        "agent.encoder to mlp or flat, or env.obs to pixels");
         }
     }
 }

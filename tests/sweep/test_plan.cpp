@@ -109,6 +109,10 @@ TEST_F(SweepPlan, AsksAboutAsManyRunsAsThereAre) {
     EXPECT_EQ(text_of(runs[239], "agent.mode"), "fast");
 }
 
+TEST_F(SweepPlan, AsksAboutAsManySeedsAsThereAre) {
+    EXPECT_EQ(plan_of("", "fake", {"train.seed=1..9000"}).size(), 9000u);
+}
+
 TEST_F(SweepPlan, ARunIsACommand) {
     auto runs = fake_.runs({"fast"});
     runs[0].run.config = "/configs/a b.yaml";

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <string>
 
+#include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -104,6 +105,20 @@ TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {
     ::waitpid(child, nullptr, 0);
     EXPECT_FALSE(RunClaim::is_taken(run)) << "the operating system took it back";
     EXPECT_TRUE(RunClaim::take(run));
+}
+
+TEST_F(RunFolder, AClaimIsNoStandardStreamOfAChild) {
+    const auto run = folder_.path() / "run";
+    fs::create_directories(run);
+    const pid_t child = ::fork();
+    if (child == 0) {
+        ::close(STDIN_FILENO);
+        const auto claim = RunClaim::take(run);
+        ::_exit(claim && ::fcntl(STDIN_FILENO, F_GETFD) < 0 ? 0 : 1);
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    EXPECT_EQ(status, 0) << "its number is another one";
 }
 
 }  // namespace

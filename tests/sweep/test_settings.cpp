@@ -25,6 +25,8 @@ TEST(Settings, AreComparedByValueNotByText) {
     EXPECT_TRUE(same_value("on", "true"));
     EXPECT_TRUE(same_value("null", "none"));
     EXPECT_TRUE(same_value("huber", "huber"));
+    EXPECT_TRUE(same_value("3-3", "3"));
+    EXPECT_FALSE(same_value("3-4", "3"));
     EXPECT_FALSE(same_value("1e-4", "1e-5"));
     EXPECT_FALSE(same_value("4294967295", "4294967294"));
     EXPECT_FALSE(same_value("true", "false"));

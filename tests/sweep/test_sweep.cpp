@@ -116,6 +116,14 @@ TEST_F(SweepCommand, ASearchIsTrainedAndCompared) {
     options_.task = SweepTask::show_status;
     options_.search = SearchMethod::none;
     EXPECT_THAT(answer(), HasSubstr("2 runs: 2 refused")) << "no method is needed to see how they stand";
+    options_.task = SweepTask::show_commands;
+    options_.search = SearchMethod::halving;
+    EXPECT_THAT(answer(), HasSubstr("# refused: Pong__fake__sample=1__1"));
+    EXPECT_EQ(code_, 1);
+    options_.overrides = {};
+    options_.search = SearchMethod::random;
+    EXPECT_EQ(answer(), "# finished: the search, 2 runs\n");
+    EXPECT_EQ(code_, 0);
     options_.task = SweepTask::train;
     options_.search = SearchMethod::random;
 

@@ -54,6 +54,18 @@ TEST_F(SweepFile, IsEveryCombinationTheFirstKeyOutermost) {
                             "MsPacman__sac__encoder=phi_sac__2", "MsPacman__sac__encoder=phi_dqn__2"));
 }
 
+TEST_F(SweepFile, ASecondDocumentIsRefused) {
+    EXPECT_THAT(mistake(small_ + "---\nset: {agent.gamma: 1}\n"),
+                HasSubstr("mine.yaml:5:1: a second YAML document"));
+}
+
+TEST_F(SweepFile, ARangeMayEndAtTheLargestNumber) {
+    EXPECT_THAT(
+        names(
+            "agent: sac\ngrid:\n  env.game: pong\n  train.seed: 9223372036854775806..9223372036854775807\n"),
+        ElementsAre("Pong__sac__9223372036854775806", "Pong__sac__9223372036854775807"));
+}
+
 TEST_F(SweepFile, VariantsAreGridsOfTheirOwn) {
     EXPECT_THAT(
         names("grid:\n"

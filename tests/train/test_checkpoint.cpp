@@ -272,6 +272,17 @@ TEST_F(Checkpoints, TakeThePlaceOfOneOfTheSameStep) {
     EXPECT_EQ(list_checkpoints(run).size(), 2u);
 }
 
+TEST_F(Checkpoints, ShareNoFileWithTheOneBeforeAlsoWhereThatWasWrittenTwice) {
+    write_at(100);
+    const auto twice = write_at(110);
+    write_at(110);
+    const auto next = write_at(120);
+    for (const auto& entry : fs::directory_iterator(twice)) {
+        const auto other = next / entry.path().filename();
+        EXPECT_TRUE(!fs::exists(other) || inode(entry.path()) != inode(other)) << other;
+    }
+}
+
 TEST_F(Checkpoints, AFullDiskIsReportedAndLeavesTheOthersAsTheyAre) {
     write_at(100);
     while (agent.steps < 110) agent.step();

@@ -501,8 +501,9 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     EXPECT_THAT(read_file(folder.path() / "metadata.json"), testing::HasSubstr("agent.learning_rate was"));
     const auto misfit = resume({"agent.hidden_units=9"});
     EXPECT_EQ(misfit.code, 3) << "another network";
-    EXPECT_THAT(misfit.stderr_text,
-                testing::HasSubstr("what is stored may not fit agent.hidden_units was 8 and is now 9: "));
+    EXPECT_THAT(
+        misfit.stderr_text,
+        testing::HasSubstr("agent.hidden_units was 8 and is now 9, which what is stored may not fit: "));
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("hidden_units: 8"));
     EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
 }
@@ -598,9 +599,15 @@ TEST(Program, SettingsThatDoNotFitTogetherAreRefusedBeforeTheyArePrinted) {
         EXPECT_THAT(refused.stderr_text, testing::HasSubstr(sentence));
         EXPECT_EQ(nothing, "");
     }
-    const auto joystick = train_sac({"--print-config", "env.action_space=minimal"});
-    EXPECT_EQ(joystick.code, 2);
-    EXPECT_THAT(joystick.stderr_text, testing::HasSubstr("set env.action_space to continuous"));
+    for (const auto& [setting, sentence] : std::vector<std::pair<std::string, std::string>>{
+             {"env.action_space=minimal", "set env.action_space to continuous"},
+             {"env.paddle=absolute", "MsPacman has no paddle"},
+             {"env.stick_damping=1", "env.stick_damping is set, but env.stick_speed is none"},
+             {"env.obs=ram", "set agent.encoder to mlp or flat, or env.obs to pixels"}}) {
+        const auto refused = train_sac({"--print-config", "env.game=ms_pacman", setting});
+        EXPECT_EQ(refused.code, 2) << setting;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr(sentence));
+    }
 }
 
 TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfiguration) {
@@ -635,6 +642,14 @@ TEST(ProgramEmulator, ARunCannotBecomeShorterThanItIs) {
     EXPECT_THAT(shorter.stderr_text,
                 testing::HasSubstr("it is at agent step 12 already, and train.total_steps is 5"));
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 12"));
+}
+
+TEST(ProgramEmulator, ARunOfSeveralEnvironmentsCanBeResumedWhereItEnded) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"env.num_envs=5"})).code, 0);
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "checkpoints/step_000000015")) << "of 12";
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {})).code, 0);
+    EXPECT_EQ(train_sac(resuming(folder.path(), 10, {})).code, 3);
 }
 
 TEST(ProgramEmulator, AFolderThatCannotBeMadeIsNamed) {
@@ -878,9 +893,28 @@ TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
     EXPECT_EQ(cale_says("report runs --resamples 10 --strict", folder.path()).code, 0);
 }
 
+TEST(CaleProgram, AReportHasTheScoresOfATableOfTheUsersBesideIt) {
+    const TemporaryFolder folder;
+    folder.write("run/episodes.csv",
+                 "#{\"env_id\":\"ALE/Pong-v5\",\"agent\":\"sac\",\"seed\":1}\n"
+                 "r,l,t,global_step,frame,seed,env,truncated\n-20,100,1.5,100,400,1,0,0\n");
+    folder.write("run/config.yaml", "agent: {encoder: phi_sac}\n");
+    folder.write("mine.csv", "\xef\xbb\xbfgame,mine\npong,10\n");
+    const auto said =
+        cale_says("report run --resamples 10 --baselines mine --baselines-file mine.csv", folder.path());
+    EXPECT_EQ(said.code, 0) << said.text;
+    EXPECT_THAT(read_file(folder.path() / "reports/run/report.html"), testing::HasSubstr("mine"));
+    EXPECT_THAT(cale_says("report run --baselines m --baselines-file mine.csv", folder.path()).text,
+                testing::HasSubstr("mine.csv has no such column; the nearest are mine"));
+}
+
 TEST(CaleEmulator, EvaluatesAndExportsARun) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path() / "run")).code, 0);
+    for (int i = 0; i < 2; ++i)
+        ASSERT_EQ(cale_says("evaluate run --steps 1 --protocol fixed_steps", folder.path()).code, 0);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path() / "evaluations"), {}), 2)
+        << "in the same second, too";
     EXPECT_EQ(cale_says("evaluate run --set agent.gamma=0.1", folder.path()).text,
               "cale evaluate: --set agent.gamma=0.1: nothing is trained here, so only settings env.* can be "
               "changed\n");

@@ -267,6 +267,7 @@ TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActio
         }
     } discrete(1);
     eval.episodes = 0;
+    env.max_frames_per_episode = 108'000;
     env.action_space = ActionSet::minimal;
     testing::internal::CaptureStderr();
     train(discrete);
@@ -278,7 +279,6 @@ TEST_F(TrainingEmulator, TheCurveAndTheClosingLineShowRandomPlayWithTheRunsActio
     const TemporaryFolder place;
     options.run_dir = place.path();
     env.action_space = ActionSet::continuous;
-    env.max_frames_per_episode = 108'000;
     ScribeAgent joystick(1);
     train(joystick);
     const auto curve = read_file(place.path() / "learning_curve.svg");
@@ -368,6 +368,48 @@ TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
         InterruptedInEvaluation again(1);
         EXPECT_EQ(train(again), Outcome::finished);
         EXPECT_EQ(again.evaluated, 0) << "no evaluation is played twice";
+    }
+}
+
+TEST_F(TrainingEmulator, AFinishedRunMadeLongerPlaysItsEvaluationsAsOneThatWasNot) {
+    /// Its evaluations differ by how many decisions it made in those before.
+    struct Drawing : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            const auto actions = ScribeAgent::act(observations, mode);
+            if (mode != ActMode::evaluate) return actions;
+            const bool right = ++drawn % 7 < 4;
+            return torch::tensor({{1.0f, right ? 0.0f : 3.0f, 1.0f}});
+        }
+        TensorMap state() override {
+            return {{"steps", torch::tensor(steps)}, {"drawn", torch::tensor(drawn)}};
+        }
+        void load_state(const TensorMap& state) override {
+            ScribeAgent::load_state(state);
+            drawn = state.at("drawn").item<std::int64_t>();
+        }
+        std::int64_t drawn = 0;
+    };
+    eval.every = 100;
+    eval.video = false;
+    for (const bool keep_best : {false, true}) {
+        train_config.keep_best = keep_best;
+        std::vector<std::string> evaluations;
+        for (const std::vector<std::int64_t>& lengths :
+             std::vector<std::vector<std::int64_t>>{{300}, {200, 300}, {250, 300}}) {
+            const TemporaryFolder place;
+            options.run_dir = place.path();
+            options.resume = false;
+            for (const auto length : lengths) {
+                train_config.total_steps = length;
+                Drawing agent(1);
+                EXPECT_EQ(train(agent), Outcome::finished);
+                options.resume = true;
+            }
+            evaluations.push_back(read_file(place.path() / "eval" / "step_000000300_events.csv"));
+        }
+        EXPECT_EQ(evaluations[1], evaluations[0]) << "at 200 an evaluation was due";
+        EXPECT_EQ(evaluations[2], evaluations[0]) << "at 250 there was one because the run ended";
     }
 }
 

@@ -1,0 +1,23 @@
+// Whether an agent's encoder can read what its world shows, before either is made.
+#pragma once
+
+#include "agents/agent.h"
+#include "networks/encoders.h"
+
+namespace cale {
+
+/// Throws std::invalid_argument, in one sentence, where the agent has an encoder that cannot read what the
+/// world shows.
+template <class AgentConfig>
+void check_encoder(const AgentConfig& agent, const AgentSpec& spec) {
+    EncoderConfig encoder{.observation = observation_shape(spec)};
+    if constexpr (requires { encoder.encoder = agent.network.encoder; })
+        encoder.encoder = agent.network.encoder;
+    else if constexpr (requires { encoder.encoder = agent.encoder; })
+        encoder.encoder = agent.encoder;
+    else
+        return;
+    trunk_layers(encoder);
+}
+
+}  // namespace cale
