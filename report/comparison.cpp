@@ -259,9 +259,10 @@ void leave_out_recorded(Comparison& comparison) {
     std::erase_if(comparison.groups, [&](Group& group) {
         if (own == 0 || !is_recorded(group)) return false;
         std::erase_if(group.runs, [&](const Run& run) { return !groups_with.contains(run.game->name); });
-        if (group.runs.empty())
+        if (group.runs.empty()) {
             comparison.left_out_baselines.push_back({group.label, "it has no run of these games"});
-        if (group.runs.empty()) return true;
+            return true;
+        }
         std::vector<std::string_view> missing;
         for (const auto& [game, groups] : groups_with) {
             const auto game_of = [](const Run& run) -> std::string_view { return run.game->name; };

@@ -230,7 +230,8 @@ Outcome Recorder::finish() {
     // A run that was killed behind the checkpoint of its last evaluation does not play that again.
     const bool evaluated = state_.score && state_.score->evaluated;
     // A longer run plays the evaluation of this step, too, where it is due; else it must not know of it.
-    const bool due = passed(state_.step - world_.num_envs, state_.step, settings_.eval.every);
+    const auto& eval = settings_.eval;
+    const bool due = eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
     const bool forgets = !due && evaluations_decide() && options_.processes.single();
     const auto agent_before = forgets ? agent_.state() : TensorMap();
     if (!complete || (!evaluated && !run_evaluation())) {
