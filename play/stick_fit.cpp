@@ -17,6 +17,7 @@ namespace cale {
 namespace {
 
 constexpr double kFramesPerSecond = 60;
+constexpr double kLongestLog = 600;       // seconds
 constexpr std::size_t kMostLatency = 60;  // frames
 constexpr double kSlowest = 0.001, kFastest = 2, kLightest = 0.05, kHeaviest = 5;
 
@@ -161,6 +162,11 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     if (rows.seconds.empty() || rows.seconds.back() < 0.5) {
         throw std::runtime_error(
             fmt::format("{}: it is shorter than half a second: no motion can be seen in it", csv.string()));
+    }
+    if (rows.seconds.back() > kLongestLog) {
+        throw std::runtime_error(
+            fmt::format("{}: it lasts {:.0f} s: at most {:.0f} s can be fitted; are these seconds?",
+                        csv.string(), rows.seconds.back(), kLongestLog));
     }
     if (std::hypot(rows.measured[0].x, rows.measured[0].y) > 0.2)
         refuse(table, 0, "the stick must begin at rest in its centre, (0, 0)");

@@ -32,7 +32,8 @@ typedef struct {
     float theta;    /* [-pi, pi], counter-clockwise, 0 points right */
     float fire;     /* [0, 1] */
     int32_t action; /* number of an action, -1: coordinates of the joystick */
-    int32_t event;  /* the joystick event, as ALE numbers its actions: 0 to 17 */
+    int32_t
+        event; /* the joystick event, as ALE numbers its actions: 0 to 17; of a placed paddle (below) none */
     float strength; /* how far a paddle moves: 0 to 1 */
 } cale_decision;
 
@@ -60,8 +61,10 @@ CALE_POLICY_API cale_policy* cale_policy_parse(const void* contents, size_t size
 CALE_POLICY_API void cale_policy_free(cale_policy* policy);
 
 CALE_POLICY_API int cale_policy_get_info(const cale_policy* policy, cale_policy_info* info);
-/* "game", "agent", "encoder", "action_space", or what the file says of its origin: "seed", "agent_steps",
- * "config", ...; NULL, without an error, for a name that it does not have. Lives as long as the policy. */
+/* "game", "agent", "encoder", "action_space", "joystick", or what the file says of its origin: "seed",
+ * "agent_steps", "config", ...; NULL, without an error, for a name that it does not have. Lives as long as
+ * the policy. Where "joystick" is "paddle", a decision is the place of the paddle: radius * cos(theta) is -1
+ * at the left end, 1 at the right one, and no event moves it there. */
 CALE_POLICY_API const char* cale_policy_text(const cale_policy* policy, const char* name);
 
 /* A game that is being played with a policy, on screens of `screen_height` rows (210 in nearly all games) and

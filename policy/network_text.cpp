@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <ranges>
 #include <set>
 #include <stdexcept>
 
@@ -27,7 +28,7 @@ constexpr std::int64_t kMostStack = 64, kMostPixels = 512, kMostBytes = 65'536;
 constexpr std::int64_t kMostUnits = 65'536, kLargestWindow = 64;
 constexpr std::int64_t kMostActions = 18, kMostAxes = 4, kMostAtoms = 10'000;
 constexpr double kMostReturn = 1e9;
-constexpr double kMostNumbers = 0x1p26, kMostMultiplications = 0x1p34;
+constexpr double kMostNumbers = 0x1p26, kMostSteps = 0x1p34;
 
 struct KindName {
     Kind kind;
@@ -227,18 +228,23 @@ void check_parameter_names(const NetworkSpec& network) {
 
 void check_network(const NetworkSpec& network) {
     try {
-        double numbers = 1, multiplications = 0;
+        double numbers = 1, steps = 0;
         for (const auto size : network.observation) numbers *= static_cast<double>(size);
-        for (const auto& layer : sized_layers(network)) {
+        std::int64_t zero_rows = 0, zero_columns = 0;  // that the next convolution wants around its image
+        for (const auto& layer : sized_layers(network) | std::views::reverse) {
             const auto results = static_cast<double>(layer.out.count());
-            numbers += results;
-            if (layer.kind == Kind::conv) {
-                multiplications += results * static_cast<double>(layer.in.channels * layer.kernel_rows *
-                                                                 layer.kernel_columns);
-            }
+            numbers += static_cast<double>(layer.out.channels) *
+                       static_cast<double>(layer.out.rows + zero_rows) *
+                       static_cast<double>(layer.out.columns + zero_columns);
+            const auto window = static_cast<double>(layer.kernel_rows * layer.kernel_columns);
+            if (layer.kind == Kind::conv) steps += results * window * static_cast<double>(layer.in.channels);
+            if (layer.kind == Kind::max_pool) steps += results * window;
             if (layer.noisy) numbers += static_cast<double>(layer.in.count()) + 2 * results;
+            if (layer.kind != Kind::conv) continue;
+            zero_rows = layer.top + layer.bottom;
+            zero_columns = layer.left + layer.right;
         }
-        if (numbers > kMostNumbers || multiplications > kMostMultiplications)
+        if (numbers > kMostNumbers || steps > kMostSteps)
             throw FileDamage("its network is larger than one for a game has reason to be");
         check_parameter_names(network);
     } catch (const std::invalid_argument& error) {

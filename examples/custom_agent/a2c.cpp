@@ -98,8 +98,13 @@ class A2c final : public Agent {
         Advantages estimate;
         {
             const torch::NoGradGuard no_grad;
+            // An episode that was cut off would have gone on: the value of that counts as reward.
+            const auto reward = rollout_.reward.clone();
+            for (const auto& cut : rollout_.truncations)
+                reward[cut.step][cut.env] +=
+                    config_.gamma * network_(on_device(cut.observation.unsqueeze(0))).value[0].item<float>();
             // With lambda 1: the discounted rewards of the rollout and the value of what follows it.
-            estimate = generalized_advantages(on_device(rollout_.reward), on_device(rollout_.terminal),
+            estimate = generalized_advantages(on_device(reward), on_device(rollout_.terminal),
                                               value.detach().view_as(rollout_.reward),
                                               network_(on_device(next_observations)).value, config_.gamma, 1);
         }

@@ -162,10 +162,10 @@ def main():
                     target_parameter.data.lerp_(parameter.data, args.tau)
 
         if global_step % 10_000 < args.num_envs:
-            print(f"step {global_step}: mean return of the newest games {np.mean(returns[-20:] or [0]):.1f}")
+            print(f"step {global_step}: mean return of the newest episodes {np.mean(returns[-20:] or [0]):.1f}")
 
     speed = args.total_timesteps / (time.time() - start_time)
-    print(f"{len(returns)} games, mean return of the newest 20: {np.mean(returns[-20:] or [0]):.1f}, "
+    print(f"{len(returns)} episodes, mean return of the newest 20: {np.mean(returns[-20:] or [0]):.1f}, "
           f"{speed:.0f} steps a second")
     envs.close()
 

@@ -45,6 +45,8 @@ def test_its_vector_environment_is_ours():
     assert ends >= 4
     with pytest.raises(ValueError, match="autoreset_mode='SameStep'"):
         SB3VecEnv(cale.make_vec("pong"))
+    with pytest.raises(ValueError, match="copy=True"):
+        SB3VecEnv(cale.make_vec("pong", autoreset_mode="SameStep", copy=False))
 
 
 def test_ppo_learns_freeway(repository):

@@ -1,4 +1,6 @@
 """What Gymnasium's checks do not look at: seeds, memory, asynchronous steps, exact states, mistakes."""
+import zlib
+
 import numpy as np
 import pytest
 
@@ -146,6 +148,7 @@ def test_damaged_and_foreign_states_are_refused():
     envs.reset(seed=1)
     state = envs.save()
     for bad, sentence in [(b"", "no state that"), (state[:-9], "cut off or damaged"), (state[:20], "cut off or damaged"),
+                          (state[:13] + zlib.compress(b"abc"), "cut off or damaged"),
                           (envs.save(0), "is of 1 environments, not of 2")]:
         with pytest.raises(ValueError, match=sentence):
             envs.restore(bad)

@@ -43,6 +43,7 @@ TEST_F(CInterface, SaysWhatThePolicyIs) {
     EXPECT_EQ(info.epsilon, 0.25);
     EXPECT_STREQ(cale_policy_text(policy.get(), "game"), "Breakout");
     EXPECT_STREQ(cale_policy_text(policy.get(), "action_space"), "minimal");
+    EXPECT_STREQ(cale_policy_text(policy.get(), "joystick"), "polar");
     EXPECT_STREQ(cale_policy_text(policy.get(), "seed"), "7");
     EXPECT_EQ(cale_policy_text(policy.get(), "colour"), nullptr);
 }

@@ -82,6 +82,10 @@ TEST(Json, WritesWhatItReads) {
 TEST(Json, QuotesAreOneShortLine) {
     EXPECT_EQ(in_quotes("a\nb"), "'a\\nb'");
     EXPECT_EQ(in_quotes(std::string(1000, 'x')), "'" + std::string(100, 'x') + "...'");
+    std::string accents(99, 'x'), cut = "'";
+    accents.append("\u00e9\u00e9");
+    cut.append(99, 'x').append("...'");
+    EXPECT_EQ(in_quotes(accents), cut) << "no character is cut";
 }
 
 }  // namespace

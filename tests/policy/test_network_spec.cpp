@@ -146,6 +146,13 @@ TEST(NetworkText, RefusesNetworksThatAreTooLarge) {
     const auto* const too_large = "its network is larger than one for a game has reason to be";
     EXPECT_EQ(refusal(with("conv c 65536 1 1 same; flatten")), too_large);  // 64 GB of results
     EXPECT_EQ(refusal(with("conv c 64 64 1 same; flatten")), too_large);    // minutes
+    // Little in itself, but each has the zeros around it that the last convolution wants.
+    std::string pools = "observation 1 1 1; conv a 64 1 1 same";
+    for (int i = 0; i < 950; ++i) pools += "; max_pool 1 1";
+    EXPECT_EQ(refusal(pools + "; conv b 1 64 1 same; flatten; gaussian"), too_large);
+    std::string windows = "observation 1 512 512";
+    for (int i = 0; i < 20; ++i) windows += "; max_pool 64 1";
+    EXPECT_EQ(refusal(windows + "; flatten; gaussian"), too_large);
 }
 
 }  // namespace

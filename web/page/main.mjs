@@ -399,8 +399,10 @@ async function main() {
     });
     requestAnimationFrame(repaint);
     try {
-        usePolicy(await fetchBytes(policyFile), policyFile);
+        const policy = await fetchBytes(policyFile);
+        if (!info) usePolicy(policy, policyFile);  // unless one was dropped meanwhile
     } catch (error) {
+        if (info) return;
         say(error.message);
         invite('There is no policy here', 'Drop a policy file, NAME.safetensors, or choose one.');
     }

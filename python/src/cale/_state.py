@@ -24,7 +24,9 @@ def unpack(state: bytes) -> list[bytes]:
         raise ValueError("the saved state is cut off or damaged") from None
     states, at = [], 0
     while at < len(parts):
-        (size,) = struct.unpack_from("<Q", parts, at)
+        size = int.from_bytes(parts[at:at + 8], "little")
+        if at + 8 + size > len(parts):
+            raise ValueError("the saved state is cut off or damaged")
         states.append(parts[at + 8:at + 8 + size])
         at += 8 + size
     return states

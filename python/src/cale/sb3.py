@@ -17,13 +17,16 @@ from cale._vector_env import VectorEnv
 
 
 class SB3VecEnv(VecEnv):
-    """The environments of a `cale.VectorEnv` as Stable-Baselines3 steps them. Its autoreset mode must be SAME_STEP.
+    """The environments of a `cale.VectorEnv` as Stable-Baselines3 steps them. Its autoreset mode must be SAME_STEP,
+    and `copy` true.
     Wrap it in SB3's VecMonitor for returns of episodes in the log."""
 
     def __init__(self, envs: VectorEnv) -> None:
         if envs.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError("Stable-Baselines3 resets environments in the same step: "
                              "make them with autoreset_mode='SameStep'")
+        if not envs.copy:
+            raise ValueError("Stable-Baselines3 keeps observations beyond the next step: make them with copy=True")
         self.envs = envs
         self.render_mode = envs.render_mode
         self._wanted_seed: list[int] | None = None
