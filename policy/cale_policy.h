@@ -32,8 +32,7 @@ typedef struct {
     float theta;    /* [-pi, pi], counter-clockwise, 0 points right */
     float fire;     /* [0, 1] */
     int32_t action; /* number of an action, -1: coordinates of the joystick */
-    int32_t
-        event; /* the joystick event, as ALE numbers its actions: 0 to 17; of a placed paddle (below) none */
+    int32_t event;  /* the joystick event, as ALE numbers its actions: 0 to 17 */
     float strength; /* how far a paddle moves: 0 to 1 */
 } cale_decision;
 
