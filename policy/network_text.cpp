@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <ranges>
 #include <set>
 #include <stdexcept>
 
@@ -231,7 +230,9 @@ void check_network(const NetworkSpec& network) {
         double numbers = 1, steps = 0;
         for (const auto size : network.observation) numbers *= static_cast<double>(size);
         std::int64_t zero_rows = 0, zero_columns = 0;  // that the next convolution wants around its image
-        for (const auto& layer : sized_layers(network) | std::views::reverse) {
+        const auto layers = sized_layers(network);
+        for (auto at = layers.rbegin(); at != layers.rend(); ++at) {
+            const auto& layer = *at;
             const auto results = static_cast<double>(layer.out.count());
             numbers += static_cast<double>(layer.out.channels) *
                        static_cast<double>(layer.out.rows + zero_rows) *

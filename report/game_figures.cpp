@@ -7,7 +7,6 @@
 #include <functional>
 #include <map>
 #include <numeric>
-#include <ranges>
 #include <set>
 #include <utility>
 
@@ -251,16 +250,16 @@ std::vector<EventPanel> event_panels(const std::vector<GameRow>& rows,
         panels.push_back(std::move(panel));
     }
     if (panels.size() <= kMostEventPanels) return panels;
-    const auto every = std::views::iota(std::size_t{0}, labels.size());
     std::erase_if(panels, [&](const EventPanel& panel) {
-        return std::ranges::any_of(
-            every, [&](std::size_t group) { return !labels[group].empty() && panel.shares[group].empty(); });
+        for (std::size_t group = 0; group < labels.size(); ++group)
+            if (!labels[group].empty() && panel.shares[group].empty()) return true;
+        return false;
     });
     if (panels.empty()) return panels;
     EventPanel mean{.title = fmt::format("mean over {} games", panels.size())};
     mean.shares.resize(labels.size());
     for (const auto& panel : panels) {
-        for (const auto group : every) {
+        for (std::size_t group = 0; group < labels.size(); ++group) {
             if (labels[group].empty()) continue;
             mean.shares[group].resize(kEventCount);
             for (std::size_t event = 0; event < kEventCount; ++event)
