@@ -44,7 +44,6 @@ void check_ranges(EnvConfig config) {
             throw std::invalid_argument(message.str());
         }
     });
-    check(config.motion);
 }
 
 std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
@@ -120,6 +119,14 @@ void check_numbered_actions(const EnvConfig& config) {
         "these, or set env.action_space to continuous");
 }
 
+/// Throws std::invalid_argument, in one sentence, for settings that do not go together.
+void check_together(const EnvConfig& config) {
+    check_games(config);
+    check_joystick(config);
+    check(config.motion);
+    check_numbered_actions(config);
+}
+
 // A stream of random numbers that is not correlated with the sticky actions of the same seed.
 std::mt19937 stream(std::uint32_t seed, std::uint32_t number) {
     std::seed_seq sequence{seed, number};
@@ -169,10 +176,7 @@ Joystick coordinates(const EnvConfig& config) {
 }
 
 ActionSpace action_space(const EnvConfig& config) {
-    check_games(config);
-    check_joystick(config);
-    check(config.motion);
-    check_numbered_actions(config);
+    check_together(config);
     if (config.action_space == ActionSet::continuous) return joystick_space(coordinates(config));
     return Discrete{kEventCount};
 }
@@ -234,8 +238,7 @@ EnvConfig protocol_atari100k(std::string game) {
 
 struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
-        : config((check_ranges(env_config), only_game(env_config), check_joystick(env_config),
-                  check_numbered_actions(env_config), env_config)),
+        : config((check_ranges(env_config), only_game(env_config), check_together(env_config), env_config)),
           observation_size(static_cast<std::size_t>(observation_space(config).frame_size())),
           emulator(only_game(config), find_rom(config.game, config.rom_dir),
                    places_paddle() ? 0.0F : static_cast<float>(config.sticky_probability), seed,

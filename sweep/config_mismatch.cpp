@@ -88,4 +88,9 @@ RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
     return status;
 }
 
+std::string refusal(const PlannedRun& planned, const fs::path& folder) {
+    const auto reason = config_mismatch(planned, folder);
+    return reason.empty() ? "" : fmt::format("# refused: {}: {}\n", planned.run.name, reason);
+}
+
 }  // namespace cale

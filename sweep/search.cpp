@@ -236,14 +236,10 @@ void check_search(const Search& search) {
 }
 
 bool refuse_others(const Search& search, std::FILE* out) {
-    bool refused = false;
-    for (const auto& planned : search.runs) {
-        const auto reason = config_mismatch(planned, search.folder / planned.run.name);
-        if (reason.empty()) continue;
-        fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
-        refused = true;
-    }
-    return refused;
+    std::string refused;
+    for (const auto& planned : search.runs) refused += refusal(planned, search.folder / planned.run.name);
+    fmt::print(out, "{}", refused);
+    return !refused.empty();
 }
 
 std::vector<PlannedRun> next_runs(const Search& search) {

@@ -108,8 +108,8 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
-        if (const auto reason = config_mismatch(planned, place.folder); !reason.empty()) {
-            fmt::print(out, "# refused: {}: {}\n", planned.run.name, reason);
+        if (const auto refused = refusal(planned, place.folder); !refused.empty()) {
+            fmt::print(out, "{}", refused);
             exit_code = 1;
         } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
             fmt::print(out, "# finished: {}\n", planned.run.name);
@@ -146,12 +146,9 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     std::vector<std::string> names;
     std::string refused;
     for (const auto& planned : runs) {
-        const auto reason = config_mismatch(planned, folder / planned.run.name);
-        if (reason.empty()) {
-            names.push_back(planned.run.name);
-        } else {
-            refused += fmt::format("# refused: {}: {}\n", planned.run.name, reason);
-        }
+        const auto line = refusal(planned, folder / planned.run.name);
+        if (line.empty()) names.push_back(planned.run.name);
+        refused += line;
     }
     const int exit_code = refused.empty() ? 0 : 1;
     if (options.task == SweepTask::show_commands) {

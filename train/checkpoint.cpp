@@ -311,7 +311,7 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool wi
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
         const auto pass_over = [&](const std::string& why) {
             checkpoint.passed_over.push_back(
-                fmt::format("The checkpoint {} cannot be read: {}.", folder->string(), why));
+                fmt::format("The checkpoint {} cannot be read: {}", folder->string(), why));
         };
         try {
             checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);

@@ -85,7 +85,7 @@ struct StoredCheckpoint {
 struct Checkpoint {
     RunState state;
     StoredCheckpoint stored;
-    std::vector<std::string> passed_over{};  // a sentence for each newer checkpoint that cannot be read
+    std::vector<std::string> passed_over{};  // for each newer checkpoint why it cannot be read
 };
 
 /// A run that cannot be resumed: no checkpoint, a damaged one, another configuration.

@@ -253,11 +253,9 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
-        std::string_view reason = error.what();
-        if (reason.ends_with('.')) reason.remove_suffix(1);
         throw ResumeError(fmt::format(
             "--accept-changes: {}, which what is stored may not fit: {}; take that back, or start a new run",
-            changes, reason));
+            changes, error.what()));
     }
 }
 

@@ -185,7 +185,7 @@ bool Recorder::agreed_to_stop(bool together) const {
 
 void Recorder::begin() {
     if (resumed_ != nullptr && files_) {
-        for (const auto& sentence : resumed_->passed_over) files_->console.message(sentence);
+        for (const auto& sentence : resumed_->passed_over) files_->console.message(sentence + ".");
         files_->console.message(fmt::format("Resumed at agent step {}.", state_.step));
         if (options_.resumed) options_.resumed(state_.seconds);
     }
@@ -229,12 +229,7 @@ Outcome Recorder::finish() {
     if (files_) files_->checkpoints.finish();
     // A run that was killed behind the checkpoint of its last evaluation does not play that again.
     const bool evaluated = state_.score && state_.score->evaluated;
-    // A longer run plays the evaluation of this step, too, where it is due; else it must not know of it.
-    const auto& eval = settings_.eval;
-    const bool due = eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
-    const bool forgets = !due && evaluations_decide() && options_.processes.single();
-    const auto agent_before = forgets ? agent_.state() : TensorMap();
-    if (!complete || (!evaluated && !run_evaluation())) {
+    if (!complete || (!evaluated && !run_last_evaluation())) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
             files_->console.message(fmt::format("{} at agent step {}; resume with --resume --run-dir {}",
@@ -242,9 +237,6 @@ Outcome Recorder::finish() {
                                                 options_.run_dir.string()));
         return paused ? Outcome::paused : Outcome::interrupted;
     }
-    if (forgets && !evaluated) agent_.load_state(agent_before);
-    // The same checkpoint once more, with the score and with what the evaluation drew.
-    if (!evaluated && (due || evaluations_decide())) write_checkpoint();
     if (files_) {
         files_->checkpoints.finish();
         files_->console.finish(files_->reported,
@@ -412,6 +404,20 @@ bool Recorder::run_evaluation() {
         "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}; {}{}",
         state_.step, result.mean_return, result.standard_deviation, result.games.size(),
         result.games.size() == 1 ? "" : "s", csv.string(), films ? ", " + video.string() : ""));
+    return true;
+}
+
+/// The evaluation at the end, behind the last checkpoint, which is written once more with its score and what
+/// it drew. Returns false where a signal has cut it off.
+bool Recorder::run_last_evaluation() {
+    // A longer run plays it, too, where it is due at this step; else it must not know of it.
+    const auto& eval = settings_.eval;
+    const bool due = eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
+    const bool forgets = !due && evaluations_decide() && options_.processes.single();
+    const auto agent_before = forgets ? agent_.state() : TensorMap();
+    if (!run_evaluation()) return false;
+    if (forgets) agent_.load_state(agent_before);
+    if (due || evaluations_decide()) write_checkpoint();
     return true;
 }
 

@@ -852,12 +852,19 @@ TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
               "cale evaluate: '/dev/null' is not a policy file: it is no regular file\n");
 }
 
+/// A run of SAC with one game behind it, of this return, as `cale report` reads it.
+void write_run(const TemporaryFolder& folder, const std::string& name, const std::string& game, int seed,
+               int game_return) {
+    folder.write(name + "/episodes.csv",
+                 fmt::format("#{{\"env_id\":\"ALE/{}-v5\",\"agent\":\"sac\",\"seed\":{}}}\n"
+                             "r,l,t,global_step,frame,seed,env,truncated\n{},100,1.5,100,400,1,0,0\n",
+                             game, seed, game_return));
+    folder.write(name + "/config.yaml", "agent: {encoder: phi_sac}\n");
+}
+
 TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
     const TemporaryFolder folder;
-    folder.write("sweeps/encoders/a/episodes.csv",
-                 "#{\"t_start\":0.0,\"env_id\":\"ALE/Pong-v5\",\"agent\":\"sac\",\"seed\":1}\n"
-                 "r,l,t,global_step,frame,seed,env,truncated\n-20,100,1.5,100,400,1,0,0\n");
-    folder.write("sweeps/encoders/a/config.yaml", "agent: {encoder: phi_sac}\n");
+    write_run(folder, "sweeps/encoders/a", "Pong", 1, -20);
     for (const std::string runs : {"sweeps/encoders", "sweeps/encoders/", "sweeps/encoders/a/.."}) {
         const auto said = cale_says("report --resamples 10 " + runs, folder.path());
         EXPECT_EQ(said.code, 0) << said.text;
@@ -872,12 +879,7 @@ TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
 TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
     const TemporaryFolder folder;
     const auto add_run = [&](const std::string& game, int seed) {
-        const auto run = fmt::format("runs/{}{}", game, seed);
-        folder.write(run + "/episodes.csv",
-                     fmt::format("#{{\"env_id\":\"ALE/{}-v5\",\"agent\":\"sac\",\"seed\":{}}}\n"
-                                 "r,l,t,global_step,frame,seed,env,truncated\n1,100,1.5,100,400,1,0,0\n",
-                                 game, seed));
-        folder.write(run + "/config.yaml", "agent: {encoder: phi_sac}\n");
+        write_run(folder, fmt::format("runs/{}{}", game, seed), game, seed, 1);
     };
     add_run("Pong", 1);
     add_run("Pong", 2);
@@ -895,10 +897,7 @@ TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
 
 TEST(CaleProgram, AReportHasTheScoresOfATableOfTheUsersBesideIt) {
     const TemporaryFolder folder;
-    folder.write("run/episodes.csv",
-                 "#{\"env_id\":\"ALE/Pong-v5\",\"agent\":\"sac\",\"seed\":1}\n"
-                 "r,l,t,global_step,frame,seed,env,truncated\n-20,100,1.5,100,400,1,0,0\n");
-    folder.write("run/config.yaml", "agent: {encoder: phi_sac}\n");
+    write_run(folder, "run", "Pong", 1, -20);
     folder.write("mine.csv", "\xef\xbb\xbfgame,mine\npong,10\n");
     const auto said =
         cale_says("report run --resamples 10 --baselines mine --baselines-file mine.csv", folder.path());
