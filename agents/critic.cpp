@@ -12,7 +12,7 @@ torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::Te
 
 torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
                                    const torch::Tensor& support) {
-    const auto spacing = support[1] - support[0];
+    const auto spacing = (support[-1] - support[0]) / (support.size(0) - 1);
     const auto clipped = returns.clamp(support[0], support[-1]).unsqueeze(1);  // [B, 1, atoms]
     // An atom takes from each return what is closer to it than one spacing.
     const auto share = (1 - (clipped - support.unsqueeze(1)).abs() / spacing).clamp(0, 1);  // [B, to, from]

@@ -51,7 +51,7 @@ void fields(DerConfig& config, Visit&& visit) {
     visit("noisy_evaluation", config.noisy_evaluation,
           "where noisy: with the noise in evaluations and policy files, too; off: without");
     visit("random_warmup", config.random_warmup,
-          "where noisy: random actions until min_replay transitions are stored");
+          "where noisy: random actions for the first min_replay decisions");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
     visit("priority_exponent", config.priority_exponent, Range{0, 10}, "alpha: loss to this power");
     visit("importance_exponent", config.importance_exponent, Range{0, 10}, "beta of the importance weights");

@@ -95,7 +95,7 @@ class AgentReplay {
     /// Sets the priorities of the batch sampled last. Must be called before anything else is recorded.
     void set_priorities(const Batch& batch, const torch::Tensor& priorities);
 
-    /// Returns the time spent in record() and sample() so far.
+    /// Returns the seconds spent so far in the replay, and in copying its batches to the device.
     const TimeSplit& time() const { return time_; }
     /// Adds the generator and the counter. The contents are saved through buffer().
     void add_state(StateParts& parts);

@@ -49,12 +49,14 @@ void restore(const StateParts& parts, const TensorMap& state) {
         if (found == state.end()) throw std::runtime_error("the agent's state lacks '" + name + "'");
         return found->second;
     };
-    for (const auto& [name, tensor] : parts.tensors) {
-        if (stored(name).sizes() != tensor.sizes()) {
+    const auto require = [](bool same, const std::string& name) {
+        if (!same)
             throw std::runtime_error("the agent's state holds '" + name +
-                                     "' in another shape: it was saved with another configuration");
-        }
-    }
+                                     "' in another shape or type: it was saved with another configuration");
+    };
+    for (const auto& [name, tensor] : parts.tensors)
+        require(stored(name).sizes() == tensor.sizes() && stored(name).dtype() == tensor.dtype(), name);
+    for (const auto& [name, counter] : parts.counters) require(stored(name).numel() == 1, name);
     // Everything is read before anything is changed.
     std::vector<std::pair<at::Generator*, at::Generator>> generators;
     std::vector<std::pair<std::mt19937_64*, std::mt19937_64>> engines;

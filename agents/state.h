@@ -37,7 +37,7 @@ TensorMap part_of(const TensorMap& state, const std::string& prefix);
 TensorMap saved(const StateParts& parts);
 
 /// Throws std::runtime_error, and leaves every part as it was, where the state lacks a
-/// part or holds it in another shape.
+/// part or holds it in another shape or type.
 void restore(const StateParts& parts, const TensorMap& state);
 
 }  // namespace cale

@@ -38,10 +38,7 @@ std::string setting_text(const IntegerRange& range) {
     return range.low == range.high ? low : low + '-' + setting_text(range.high);
 }
 
-namespace {
-
-// How many bytes the UTF-8 character has that the text begins with; 0 if it begins with none.
-std::size_t character_size(std::string_view text) {
+std::size_t utf8_length(std::string_view text) {
     const auto byte = [text](std::size_t i) { return static_cast<unsigned char>(text[i]); };
     const auto first = byte(0);
     if (first < 0x80) return 1;
@@ -55,6 +52,8 @@ std::size_t character_size(std::string_view text) {
     return overlong || surrogate || too_large ? 0 : size;
 }
 
+namespace {
+
 bool is_control(std::string_view character) {
     const auto byte = static_cast<unsigned char>(character.back());
     if (character.size() == 1) return byte < 0x20 || byte == 0x7f;
@@ -67,7 +66,7 @@ std::string printable(std::string_view text) {
     constexpr std::string_view kDigits = "0123456789abcdef";
     std::string line;
     while (!text.empty()) {
-        const auto size = character_size(text);
+        const auto size = utf8_length(text);
         const auto character = text.substr(0, std::max<std::size_t>(size, 1));
         if (size > 0 && !is_control(character)) {
             line += character;

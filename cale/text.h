@@ -43,6 +43,8 @@ std::string setting_text(const std::optional<Number>& value) {
     return value ? setting_text(*value) : "none";
 }
 
+/// Returns the length of the UTF-8 character that the text (not empty) begins with; 0 if it begins with none.
+std::size_t utf8_length(std::string_view text);
 /// Returns the text as one line without terminal control sequences: control characters (C0, DEL, C1) and
 /// bytes that are not UTF-8 are written as \x1b. For any text quoted from a file.
 std::string printable(std::string_view text);

@@ -195,9 +195,8 @@ std::int64_t VectorEnv::threads(const EnvConfig& config) {
     return std::clamp<std::int64_t>(wanted, 1, config.num_envs);
 }
 
-std::int64_t VectorEnv::memory_needed(const EnvConfig& config) {
-    const auto late_screens = config.motion.observation_latency.high * kBytesOfScreen;
-    return config.num_envs * (kBytesOfEnv + late_screens);
+std::int64_t VectorEnv::memory_per_env(const EnvConfig& config) {
+    return kBytesOfEnv + config.motion.observation_latency.high * kBytesOfScreen;
 }
 
 std::int64_t VectorEnv::size() const {

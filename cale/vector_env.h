@@ -37,8 +37,8 @@ class VectorEnv final : public World {
     /// How many threads step the environments of such a configuration, the caller's included.
     static std::int64_t threads(const EnvConfig& config);
 
-    /// Returns about how many bytes the environments of such a configuration take (measured).
-    static std::int64_t memory_needed(const EnvConfig& config);
+    /// Returns about how many bytes an environment of such a configuration takes (measured).
+    static std::int64_t memory_per_env(const EnvConfig& config);
 
     std::int64_t size() const override;  // how many environments
     ActionSpace action_space() const override;

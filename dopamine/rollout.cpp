@@ -89,8 +89,7 @@ std::map<std::string, torch::Tensor> DopamineRollout::state() const {
     }
     std::vector<std::int64_t> window_frames;
     std::vector<double> window_rewards;
-    auto window = accumulator_;
-    for (const auto& step : window.steps()) {
+    for (const auto& step : accumulator_.steps()) {
         window_frames.push_back(step.frame);
         window_rewards.push_back(step.reward);
     }

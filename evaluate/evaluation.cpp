@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <random>
 #include <stdexcept>
 #include <utility>
@@ -335,7 +334,8 @@ float reward_quantile(const std::map<float, std::int64_t>& rewards, double quant
     std::int64_t up_to_here = 0;
     for (const auto& [reward, count] : rewards) {
         up_to_here += count;
-        if (static_cast<double>(up_to_here) >= quantile * static_cast<double>(steps)) return reward;
+        // 0.07 * 100 is more than 7.
+        if (static_cast<double>(up_to_here) >= (quantile - 1e-12) * static_cast<double>(steps)) return reward;
     }
     return rewards.rbegin()->first;
 }

@@ -1,11 +1,9 @@
 #include "play/session.h"
 
-#include <array>
 #include <chrono>
 #include <mutex>
 #include <optional>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include <fmt/format.h>

@@ -12,28 +12,6 @@ namespace {
 constexpr int kMaxDepth = 4;
 constexpr std::size_t kLongestQuotation = 100;
 
-/// Length of the UTF-8 character that `text` begins with, 1 to 4; 0: it is none (RFC 3629).
-std::size_t utf8_length(std::string_view text) {
-    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-    const auto within = [&](std::size_t i, int low, int high) {
-        return i < text.size() && byte(i) >= low && byte(i) <= high;
-    };
-    const int first = byte(0);
-    if (first < 0x80) return 1;
-    if (first >= 0xc2 && first <= 0xdf) return within(1, 0x80, 0xbf) ? 2 : 0;
-    if (first >= 0xe0 && first <= 0xef) {
-        const int low = first == 0xe0 ? 0xa0 : 0x80;
-        const int high = first == 0xed ? 0x9f : 0xbf;  // no halves of surrogate pairs
-        return within(1, low, high) && within(2, 0x80, 0xbf) ? 3 : 0;
-    }
-    if (first >= 0xf0 && first <= 0xf4) {
-        const int low = first == 0xf0 ? 0x90 : 0x80;
-        const int high = first == 0xf4 ? 0x8f : 0xbf;
-        return within(1, low, high) && within(2, 0x80, 0xbf) && within(3, 0x80, 0xbf) ? 4 : 0;
-    }
-    return 0;
-}
-
 void append_utf8(std::string& text, std::uint32_t code) {
     const auto put = [&](std::uint32_t byte) { text += static_cast<char>(byte); };
     if (code < 0x80) {

@@ -1,4 +1,5 @@
-// Turns a game's screens, or its memory, into a policy's observations, exactly as in training.
+// Turns a game's screens, or its memory, into a policy's observations, exactly as in training. RGB screens of
+// Air Raid are the exception: two of its colours are one in RGB and two in ALE's gray.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,5 @@
 #include "policy/policy_info.h"
 
-#include <stdexcept>
-
 namespace cale {
 
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {

@@ -83,6 +83,8 @@ void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
 
 Decision squashed_decision(const PolicyInfo& info, std::span<const float> u) {
     Coordinates x{};
+    if (u.size() != stick_coordinates(info.joystick).size())
+        throw std::invalid_argument("a draw has as many numbers as the joystick has coordinates");
     std::transform(u.begin(), u.end(), x.begin(), [](float number) { return std::tanh(number); });
     return in_box(info, x);
 }

@@ -86,8 +86,8 @@ class Policy {
     std::shared_ptr<const InferencePlan> plan_;
 };
 
-/// Returns the decision for a draw u of a policy's Gaussian, before the tanh: as many numbers as its joystick
-/// has coordinates.
+/// Returns the decision for a draw u of a policy's Gaussian, before the tanh. Throws std::invalid_argument
+/// unless it has as many numbers as the policy's joystick has coordinates.
 Decision squashed_decision(const PolicyInfo& info, std::span<const float> u);
 
 /// The instruction set that this library computes with on this machine: "avx512", "avx2" or "portable".

@@ -1,7 +1,6 @@
 #include "policy/policy_texts.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 #include <vector>
 

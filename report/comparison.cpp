@@ -121,12 +121,6 @@ GroupResult result_of(const Group& group, const Bootstrap& bootstrap, const Boot
     return result;
 }
 
-const GameResult* find_game_in(const GroupResult& result, std::string_view name) {
-    const auto found = std::find_if(result.games.begin(), result.games.end(),
-                                    [&](const GameResult& game) { return game.game->name == name; });
-    return found == result.games.end() ? nullptr : &*found;
-}
-
 bool any_variant(const GameResult* game) {
     return game != nullptr &&
            std::ranges::any_of(game->runs, [](const Run* run) { return run->env && is_variant(*run->env); });
@@ -285,11 +279,10 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
     for (const auto& group : groups) {
         for (const auto& run : group.runs) {
             if (!run.env) continue;
-            if (run.env->action_space != ActionSet::continuous) {
-                if (const auto score = random_floor(*run.env))
-                    add(std::string(kPublishedRandom), *run.game, *score);
-            } else if (const auto play = joystick_random(*run.env)) {
+            if (const auto play = joystick_random(*run.env)) {
                 add(fmt::format("random joystick ({})", play->protocol), *run.game, play->mean);
+            } else if (const auto score = random_floor(*run.env)) {
+                add(std::string(kPublishedRandom), *run.game, *score);
             }
         }
     }
@@ -342,7 +335,7 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
                     runs_are(comparison.left_out_runs.size())),
         sentences(comparison.left_out_runs));
     add("Runs that count as far as they got:", std::move(unfinished));
-    add("Scores that may be of an earlier time than the others:", std::move(doubts));
+    add("Scores that may be of an earlier time than the others, or lack something:", std::move(doubts));
     add("Runs that are there twice, of which the longer one counts:", sentences(comparison.repeated_runs));
     return notes;
 }
@@ -400,6 +393,12 @@ bool Comparison::is_complete() const {
                std::ranges::all_of(group.runs, [](const Run& run) { return run.finished; });
     };
     return missing_runs.empty() && left_out_runs.empty() && std::ranges::all_of(groups, finished);
+}
+
+const GameResult* find_game_in(const GroupResult& group, std::string_view game) {
+    const auto found = std::find_if(group.games.begin(), group.games.end(),
+                                    [&](const GameResult& own) { return own.game->name == game; });
+    return found == group.games.end() ? nullptr : &*found;
 }
 
 bool has_intervals(const Comparison& comparison) {

@@ -101,8 +101,11 @@ struct Comparison {
     Comparison& operator=(Comparison&&) = default;
 };
 
-/// The name of the floor of runs with discrete actions, whose scores are Game::random_score.
+/// The name of the floor of runs with discrete or factored actions, whose scores are Game::random_score.
 inline constexpr std::string_view kPublishedRandom = "random (published)";
+
+/// Returns the group's result in the game of that name; none where it has no run of it.
+const GameResult* find_game_in(const GroupResult& group, std::string_view game);
 
 /// Whether any game has several runs of a group, so that there is an interval to show.
 bool has_intervals(const Comparison& comparison);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <span>
 #include <utility>
 
 #include "report/panel.h"
@@ -154,8 +155,12 @@ Picture profile_figure(const Comparison& comparison) {
 
 Picture improvement_figure(const Comparison& comparison) {
     constexpr double kRow = 30, kTop = 96, kPanelWidth = 380;
+    // The number of pairs grows with the square of the groups'.
+    constexpr std::size_t kMostPairs = 100;
+    const auto pairs =
+        std::span(comparison.improvements).first(std::min(comparison.improvements.size(), kMostPairs));
     std::vector<std::string> firsts, seconds;
-    for (const auto& [x, y, probability] : comparison.improvements) {
+    for (const auto& [x, y, probability] : pairs) {
         firsts.push_back(comparison.results[x].label);
         seconds.push_back(comparison.results[y].label);
     }
@@ -176,14 +181,18 @@ Picture improvement_figure(const Comparison& comparison) {
     picture.words.push_back({"Y", {panel.right + 14, kTop - 12}, kInk, kLabelSize, Anchor::start, true});
     for (std::size_t i = 0; i < firsts.size(); ++i) {
         const double y = kTop + kRow * (static_cast<double>(i) + 0.5);
-        const auto& [first, second, probability] = comparison.improvements[i];
+        const auto& [first, second, probability] = pairs[i];
         picture.words.push_back({firsts[i], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
         picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
         draw_interval(picture, panel, probability, y,
                       comparison.results[first].has_interval() || comparison.results[second].has_interval(),
                       first);
     }
-    finish_picture(picture, panel.bottom + 34, method_of(comparison, comparison.config.bootstrap.resamples));
+    auto method = method_of(comparison, comparison.config.bootstrap.resamples);
+    if (pairs.size() < comparison.improvements.size())
+        method = fmt::format("The first {} of {} pairs; the table has all. {}", pairs.size(),
+                             comparison.improvements.size(), method);
+    finish_picture(picture, panel.bottom + 34, method);
     return picture;
 }
 

@@ -18,6 +18,7 @@
 #include <type_traits>
 
 #include "cale/action.h"
+#include "cale/setting.h"
 #include "cale/text.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
@@ -103,51 +104,6 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     }
     run.game = &find_game(env_id);
 }
-
-/// Reads the settings of an EnvConfig, in the manner of cale/fields.h; what is not set stays as it is.
-struct EnvReader {
-    const std::map<std::string, std::string>& settings;
-    bool readable = true;
-
-    template <class Value, class... Description>
-    void operator()(std::string_view name, Value& value, Description&&...) {
-        const auto found = settings.find(fmt::format("env.{}", name));
-        readable = readable && (found == settings.end() || read(found->second, value));
-    }
-
-  private:
-    static bool read(const std::string& text, std::string& value) {
-        value = text;
-        return true;
-    }
-    static bool read(const std::string& text, bool& value) {
-        value = text == "true";
-        return value || text == "false";
-    }
-    template <class Number>
-    static bool read(const std::string& text, std::optional<Number>& value) {
-        value = number_in<Number>(text);
-        return value || text == "none";
-    }
-    static bool read(const std::string& text, IntegerRange& value) {
-        const auto range = integer_range_in(text);
-        value = range.value_or(IntegerRange{});
-        return range.has_value();
-    }
-    template <class Value>
-    static bool read(const std::string& text, Value& value) {
-        if constexpr (std::is_enum_v<Value>) {
-            const auto names = names_of(Value{});
-            const auto name = std::ranges::find(names, text);
-            value = static_cast<Value>(name - names.begin());
-            return name != names.end();
-        } else {
-            const auto number = number_in<Value>(text);
-            value = number.value_or(Value{});
-            return number.has_value();
-        }
-    }
-};
 
 /// 0 where it is not set. May be written as 50_000_000.
 double number_of(const std::map<std::string, std::string>& settings, const char* key) {
@@ -411,6 +367,12 @@ std::vector<RewardQuantile> read_reward_quantiles(const fs::path& path) {
     return quantiles;
 }
 
+/// Those of the newest evaluation in the folder, if it has any.
+void read_rewards(Run& run, const fs::path& evaluated) {
+    if (const auto files = evaluation_files(evaluated, "_rewards.csv"); !files.empty())
+        run.reward_quantiles = read_reward_quantiles(files.back());
+}
+
 Run read_run(const fs::path& folder, ScoreKind kind) {
     Run run{.folder = folder};
     const auto episodes = read_episodes(folder / "episodes.csv");
@@ -429,7 +391,6 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     const bool logged_only = progress.checkpoint.empty() && !fs::exists(folder / "metadata.json");
     const double log_every = logged_only ? number_of(run.settings, "log.every") : 0;
     run.finished = run.reached + log_every >= run.total_steps;
-    const auto evaluations = evaluations_of(folder);
     if (kind == ScoreKind::training) {
         if (episodes.steps.empty())
             throw std::runtime_error(episodes.cut_line
@@ -438,19 +399,28 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         check_episodes(run, episodes, progress);
         read_training(run, episodes);
     } else {
-        read_evaluations(run, evaluations);
+        read_evaluations(run, evaluations_of(folder));
+        run.reached = run.steps.back();
+        run.finished = run.finished && run.reached >= run.total_steps;
     }
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
-
+    run.zones = zones_in(progress.rows);
     if (kind == ScoreKind::training) {
+        run.settings.erase("eval.noop_max");
         if (const auto file = folder / "joystick_events.csv"; fs::exists(file))
             run.event_shares = read_event_shares(file);
-    } else if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty()) {
-        run.event_shares = read_event_shares(files.back());
+        try {
+            read_rewards(run, evaluations_of(folder).folder);
+        } catch (const std::exception& error) {
+            run.doubts.push_back(
+                fmt::format("{}: its rewards are left out: {}", folder.string(), error.what()));
+        }
+        return run;
     }
-    run.zones = zones_in(progress.rows);
-    if (const auto files = evaluation_files(evaluations.folder, "_rewards.csv"); !files.empty())
-        run.reward_quantiles = read_reward_quantiles(files.back());
+    const auto evaluated = evaluations_of(folder).folder;
+    if (const auto files = evaluation_files(evaluated, "_events.csv"); !files.empty())
+        run.event_shares = read_event_shares(files.back());
+    read_rewards(run, evaluated);
     return run;
 }
 
@@ -540,9 +510,15 @@ std::optional<double> score_at(const Run& run, double step) {
 std::optional<EnvConfig> env_of(const std::map<std::string, std::string>& settings) {
     if (!settings.contains("env.action_space")) return std::nullopt;
     EnvConfig env;
-    EnvReader reader{settings};
-    fields(env, reader);
-    return reader.readable ? std::optional(env) : std::nullopt;
+    try {
+        for (const auto& field : setting_fields(env)) {
+            const auto found = settings.find("env." + field.name);
+            if (found != settings.end()) read_setting(found->first, field.range, found->second, field.member);
+        }
+    } catch (const std::invalid_argument&) {
+        return std::nullopt;
+    }
+    return env;
 }
 
 FoundRuns find_runs(const std::vector<fs::path>& paths, ScoreKind kind) {

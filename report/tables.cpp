@@ -36,12 +36,6 @@ std::string span_text(std::size_t least, std::size_t most) {
     return least == most ? fmt::format("{}", least) : fmt::format("{}-{}", least, most);
 }
 
-const GameResult* result_on(const GroupResult& group, const Game& game) {
-    const auto found = std::find_if(group.games.begin(), group.games.end(),
-                                    [&](const auto& own) { return own.game == &game; });
-    return found == group.games.end() ? nullptr : &*found;
-}
-
 /// For the columns low and high; empty where there is no interval.
 std::pair<std::string, std::string> interval_cells(const Estimate& estimate, bool with_interval) {
     if (!with_interval) return {};
@@ -52,7 +46,9 @@ std::pair<std::string, std::string> interval_cells(const Estimate& estimate, boo
 std::vector<const Game*> played_games(const Comparison& comparison) {
     std::vector<const Game*> played;
     for (const auto& game : all_games()) {
-        const auto has_it = [&](const GroupResult& group) { return result_on(group, game) != nullptr; };
+        const auto has_it = [&](const GroupResult& group) {
+            return find_game_in(group, game.name) != nullptr;
+        };
         if (std::ranges::any_of(comparison.results, has_it)) played.push_back(&game);
     }
     return played;
@@ -81,7 +77,7 @@ std::vector<Baseline> published(const Comparison& comparison) {
 double best_mean(const Comparison& comparison, const Game& game) {
     double best = -HUGE_VAL;
     for (const auto& group : comparison.results)
-        if (const auto* result = result_on(group, game)) best = std::max(best, result->mean.value);
+        if (const auto* result = find_game_in(group, game.name)) best = std::max(best, result->mean.value);
     return best;
 }
 
@@ -153,7 +149,9 @@ std::string latex_text(std::string_view text) {
         const char c = text[i];
         const bool starts_word = i == 0 || text[i - 1] == ' ' || text[i - 1] == '[';
         const bool digit_follows = i + 1 < text.size() && text[i + 1] >= '0' && text[i + 1] <= '9';
-        if (c == '-' && starts_word && digit_follows) {
+        if (c == '[' && i == 0) {
+            latex += "{[}";  // \\ and \midrule would take it for their option
+        } else if (c == '-' && starts_word && digit_follows) {
             latex += "$-$";
         } else if (c == '\\') {
             latex += "\\textbackslash{}";
@@ -337,7 +335,7 @@ Table game_table(const Comparison& comparison) {
         add(before);
         const double best = best_mean(comparison, *game);
         for (const auto& group : comparison.results) {
-            const auto* result = result_on(group, *game);
+            const auto* result = find_game_in(group, game->name);
             bold[row.size()] =
                 comparison.results.size() > 1 && result != nullptr && same_score(result->mean.value, best);
             row.push_back(

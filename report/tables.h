@@ -47,8 +47,8 @@ struct TextFile {
 
 /// With all digits: scores (a row per run), run_curves (see recorded_runs.h), setup, settings (all of them),
 /// and one by the name of each figure: aggregates, sample_efficiency, performance_profiles,
-/// probability_of_improvement, game_curves, game_scores, events, rewards; those that the comparison has
-/// nothing for are left out. Where there is no interval, its cells are empty.
+/// probability_of_improvement, game_curves, game_scores, events, zones, rewards; those that the comparison
+/// has nothing for are left out. Where there is no interval, its cells are empty.
 std::vector<TextFile> csv_files(const Comparison& comparison);
 
 /// The tables for a paper: setup, settings, aggregates, probability_of_improvement, game_scores.

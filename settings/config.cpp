@@ -421,7 +421,7 @@ std::vector<ConfigDifference> ConfigTable::differences(const std::filesystem::pa
     };
     try {
         // A file that an older version wrote lacks the settings that are newer: it ran with their defaults.
-        for (auto& entry : entries_) entry.set(entry.default_text);
+        reset();
         load(file);
     } catch (...) {
         restore();

@@ -36,6 +36,14 @@ constexpr int kNoProgram = 127;
 
 }  // namespace
 
+int above_standard_streams(int descriptor) {
+    if (descriptor < 0 || descriptor > STDERR_FILENO) return descriptor;
+    const bool closes = (::fcntl(descriptor, F_GETFD) & FD_CLOEXEC) != 0;
+    const int other = ::fcntl(descriptor, closes ? F_DUPFD_CLOEXEC : F_DUPFD, STDERR_FILENO + 1);
+    ::close(descriptor);
+    return other;
+}
+
 std::string text_of(const ChildEnd& end) {
     if (end.exit_code == kNoProgram) return "the program could not be started";
     if (end.exit_code >= 0) return fmt::format("exit code {}", end.exit_code);
@@ -51,7 +59,8 @@ pid_t start_child(const std::vector<std::string>& command, const ChildSettings& 
     CPU_ZERO(&cpus);
     for (const int cpu : settings.cpus) CPU_SET(static_cast<std::size_t>(cpu), &cpus);
 
-    const int output = ::open(settings.output.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    const int output = above_standard_streams(
+        ::open(settings.output.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
     if (output < 0)
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot write '{}'", settings.output.string()));

@@ -10,6 +10,7 @@
 
 #include "storage/files.h"
 #include "sweep/settings.h"
+#include "train/checkpoint.h"
 #include "train/resume.h"
 
 namespace cale {
@@ -63,6 +64,10 @@ std::string changes(const PlannedRun& planned, const Trained& trained) {
 
 std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     const auto step = newest_checkpoint(folder);
+    if (!step && has_begun(folder))
+        return "it holds results and no checkpoint to resume from, and starting it again would delete them; "
+               "move "
+               "its folder away, or give the sweep another --dir";
     if (!step) return "";
     try {
         const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),

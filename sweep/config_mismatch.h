@@ -10,7 +10,8 @@
 namespace cale {
 
 /// Returns why the run in `folder` is not the planned run: a sentence with every setting that differs, both
-/// values and the remedy. Empty if nothing differs, or if there is no checkpoint yet.
+/// values and the remedy; or that it has results whose checkpoints are gone. Empty if nothing differs, or if
+/// the run has not begun.
 ///
 /// Settings that change no result may differ, and the planned run may be longer. The comparison uses the
 /// run's config.yaml, which includes changes accepted on resume (--accept-changes).

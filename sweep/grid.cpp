@@ -14,6 +14,7 @@
 #include "cale/games.h"
 #include "cale/text.h"
 #include "settings/config.h"
+#include "sweep/settings.h"
 
 namespace cale {
 namespace {
@@ -75,7 +76,7 @@ std::vector<std::string> expand(std::string_view key, const std::vector<std::str
     std::set<std::string> seen;
     for (const auto& text : texts) {
         for (auto& value : expand_one(key, text)) {
-            if (seen.insert(value).second) values.push_back(std::move(value));
+            if (seen.insert(printed_value(value)).second) values.push_back(std::move(value));
         }
     }
     return values;

@@ -6,7 +6,6 @@
 #include <memory>
 #include <set>
 #include <sstream>
-#include <stdexcept>
 #include <utility>
 
 #include <fmt/format.h>
@@ -14,6 +13,7 @@
 #include <unistd.h>
 
 #include "cale/env.h"
+#include "report/runs.h"
 #include "settings/config.h"
 #include "sweep/shell.h"
 
@@ -28,8 +28,8 @@ constexpr std::int64_t kMemoryOfProcess = 900'000'000;
 constexpr std::size_t kGroupsAtOnce = 50;
 /// Games and seeds in such a command line.
 constexpr std::size_t kValuesAtOnce = 2'000;
-/// A stored transition: a frame of 84 x 84, the action, the reward and the bookkeeping.
-constexpr std::int64_t kMemoryOfTransition = 7'400;
+/// A stored transition's frame, and its action, reward and bookkeeping.
+constexpr std::int64_t kScreenBytes = 84 * 84, kRamBytes = 128, kMemoryOfTransition = 350;
 
 /// Agents whose programs lie in `folder`.
 std::vector<std::string> agents_in(const fs::path& folder) {
@@ -76,7 +76,8 @@ std::string objection(const Sweep& sweep, const std::string& run, const std::str
 /// Runs that differ in their game and seed alone, and what their program makes of their settings.
 struct RunGroup {
     std::vector<std::string> assignments;  // without game and seed
-    std::string example;                   // the name of one of them
+    std::vector<std::string> one_of_them;  // game and seed of the first
+    std::string example;                   // its name
     std::shared_ptr<const SettingTexts> settings{};
 };
 
@@ -99,6 +100,7 @@ void print_configs(const Sweep& sweep, std::vector<std::string> command, std::sp
     command.emplace_back("--print-config");
     for (const auto& group : groups) {
         if (&group != &groups.front()) command.emplace_back("--or");
+        command.insert(command.end(), group.one_of_them.begin(), group.one_of_them.end());
         command.insert(command.end(), group.assignments.begin(), group.assignments.end());
     }
     const auto text = shell_text(command);
@@ -156,12 +158,15 @@ std::vector<std::string> assignments_of_group(const SweepRun& run) {
 }
 
 void add_run(const SweepRun& run, BaseRuns& runs) {
+    std::vector<std::string> own;
     for (const auto& setting : run.settings) {
-        if (is_game_or_seed(setting)) runs.games_and_seeds.insert(assignment(setting));
+        if (is_game_or_seed(setting)) own.push_back(assignment(setting));
     }
+    runs.games_and_seeds.insert(own.begin(), own.end());
     auto assignments = assignments_of_group(run);
     if (std::ranges::find(runs.groups, assignments, &RunGroup::assignments) == runs.groups.end())
-        runs.groups.push_back({.assignments = std::move(assignments), .example = run.name});
+        runs.groups.push_back(
+            {.assignments = std::move(assignments), .one_of_them = std::move(own), .example = run.name});
 }
 
 const RunGroup& group_of(const SweepRun& run, const BaseRuns& runs) {
@@ -173,6 +178,19 @@ void check_rom(const SweepRun& run, const std::string& rom_dir) {
         static_cast<void>(find_rom(run.game, rom_dir));
     } catch (const std::exception& error) {
         throw ConfigError(fmt::format("env.game: {}", error.what()));
+    }
+}
+
+/// Throws ConfigError where the settings do not fit the run's own game, such as a paddle that it lacks.
+void check_game(const Sweep& sweep, const PlannedRun& planned) {
+    auto env = env_of({planned.base->begin(), planned.base->end()});
+    if (!env) return;
+    env->game = planned.run.game;
+    try {
+        static_cast<void>(action_space(*env));
+        if (is_variant(*env)) Env(*env, 0);
+    } catch (const std::exception& error) {
+        throw ConfigError(objection(sweep, planned.run.name, error.what()));
     }
 }
 
@@ -215,6 +233,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         const auto* rom_dir = planned_value(next, "env.rom_dir");
         const auto rom = std::pair(run.game, rom_dir != nullptr ? *rom_dir : "");
         if (roms.insert(rom).second) check_rom(run, rom.second);
+        check_game(sweep, next);
 
         const auto integer = [&](std::string_view key) {
             const auto* text = planned_value(next, key);
@@ -223,7 +242,9 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         next.total_steps = integer("train.total_steps");
         next.evaluates = integer("eval.episodes") > 0;
         const auto stored = std::min(integer("agent.replay_capacity"), next.total_steps);
-        next.memory = kMemoryOfProcess + stored * kMemoryOfTransition;
+        const auto* seen = planned_value(next, "env.obs");
+        const auto frame = seen != nullptr && *seen == "ram" ? kRamBytes : kScreenBytes;
+        next.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);
         planned.push_back(std::move(next));
     }
     return planned;

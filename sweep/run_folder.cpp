@@ -17,6 +17,7 @@
 #include "cale/text.h"
 #include "storage/files.h"
 #include "storage/run_lock.h"
+#include "sweep/child.h"
 #include "sweep/shell.h"
 #include "train/resume.h"
 
@@ -133,18 +134,6 @@ std::string last_log_line(const fs::path& folder) {
 }
 
 // ---- the claim ----------------------------------------------------------------------
-
-namespace {
-
-/// A child gets other standard streams: where one was closed, its number may be that of a file.
-int above_standard_streams(int descriptor) {
-    if (descriptor < 0 || descriptor > STDERR_FILENO) return descriptor;
-    const int other = ::fcntl(descriptor, F_DUPFD, STDERR_FILENO + 1);
-    ::close(descriptor);
-    return other;
-}
-
-}  // namespace
 
 // An "open file description" lock: of the descriptor rather than the process, so that a child inherits it,
 // and known to network file systems.

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
 
 #include "report/csv.h"
 #include "settings/config.h"
@@ -145,6 +146,17 @@ std::map<std::string, std::string> settings_for_config(const Search& search, std
     return settings;
 }
 
+/// Plain where YAML reads it back as it stands, else in quotes.
+std::string yaml_scalar(const std::string& text) {
+    YAML::Emitter emitter;
+    emitter << text;
+    return emitter.c_str();
+}
+
+bool has_score(const SampleScore& sample) {
+    return std::ranges::any_of(sample.scores, [](const auto& entry) { return entry.second.has_value(); });
+}
+
 /// As YAML for --config, on top of the file that all runs have, if it is one.
 void write_best(const Search& search, const SampleScore& best, std::size_t compared) {
     std::set<fs::path> configs;
@@ -153,11 +165,11 @@ void write_best(const Search& search, const SampleScore& best, std::size_t compa
         fmt::format("# Sample {} of {} of {}, at agent step {}: mean rank {:.2f} among {}.\n", best.sample,
                     search.sweep.samples.size(), search.sweep.name, best.steps, best.rank, compared);
     if (configs.size() == 1 && !configs.begin()->empty())
-        text += fmt::format("extends: {}\n", configs.begin()->string());
+        text += fmt::format("extends: {}\n", yaml_scalar(configs.begin()->string()));
     std::map<std::string, std::string> sections;
     for (const auto& [key, value] : settings_for_config(search, best.sample)) {
         const auto dot = key.find('.');
-        sections[key.substr(0, dot)] += fmt::format("  {}: {}\n", key.substr(dot + 1), value);
+        sections[key.substr(0, dot)] += fmt::format("  {}: {}\n", key.substr(dot + 1), yaml_scalar(value));
     }
     for (const auto& [section, lines] : sections) text += fmt::format("{}:\n{}", section, lines);
     write_file_atomically(search.folder / "search_best.yaml", text);
@@ -273,7 +285,8 @@ int run_search(const Search& search, std::FILE* out) {
         const auto compared_last = rung.samples.size();
         rung.samples.insert(rung.samples.end(), dropped.begin(), dropped.end());
         write_table(search, rung.samples);
-        if (left.empty()) write_best(search, rung.samples.front(), compared_last);
+        if (left.empty() && has_score(rung.samples.front()))
+            write_best(search, rung.samples.front(), compared_last);
         dropped.assign(rung.samples.begin() + static_cast<std::ptrdiff_t>(rung.go_on), rung.samples.end());
     }
     return exit_code;

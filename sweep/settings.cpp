@@ -29,12 +29,6 @@ std::optional<std::string> printed_as(const std::string& text) {
     return entry.get();
 }
 
-std::string printed(const std::string& text) {
-    if (auto truth = printed_as<bool>(text)) return *truth;
-    if (auto number = printed_as<std::optional<double>>(text)) return *number;
-    return printed_as<IntegerRange>(text).value_or(text);
-}
-
 }  // namespace
 
 SettingTexts settings_in(const std::string& yaml) {
@@ -46,8 +40,15 @@ SettingTexts settings_in(const std::string& yaml) {
     return settings;
 }
 
+std::string printed_value(const std::string& text) {
+    if (auto truth = printed_as<bool>(text)) return *truth;
+    if (auto number = printed_as<std::int64_t>(text)) return *number;
+    if (auto number = printed_as<std::optional<double>>(text)) return *number;
+    return printed_as<IntegerRange>(text).value_or(text);
+}
+
 bool same_value(const std::string& a, const std::string& b) {
-    return a == b || printed(a) == printed(b);
+    return a == b || printed_value(a) == printed_value(b);
 }
 
 std::int64_t integer_in(const std::string& text) {

@@ -15,6 +15,9 @@ using SettingTexts = std::map<std::string, std::string, std::less<>>;
 /// Throws YAML::Exception.
 SettingTexts settings_in(const std::string& yaml);
 
+/// Returns the value as a training program prints it: 0.0001 for 1e-4, 600000 for 600_000, true for on.
+std::string printed_value(const std::string& text);
+
 /// Whether a training program reads the same value from both: 1e-4 and 0.0001, 600_000 and 600000, on and
 /// true.
 bool same_value(const std::string& a, const std::string& b);

@@ -1,7 +1,6 @@
 #include "sweep/slurm.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdlib>
 #include <sstream>
 #include <stdexcept>
@@ -9,6 +8,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/text.h"
 #include "settings/config.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
@@ -51,11 +51,6 @@ nlohmann::json read_index(const fs::path& folder) {
             fmt::format("{} is damaged; delete it once no job of this sweep is left in squeue",
                         index_file(folder).string()));
     return index;
-}
-
-std::string lower(std::string text) {
-    for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    return text;
 }
 
 std::size_t largest_array() {

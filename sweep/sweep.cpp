@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
+#include <sstream>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -67,13 +68,20 @@ void check_folder(const fs::path& folder) {
 }
 
 /// With a list of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
-/// that are missing (kSweepList in report/runs.h).
-void make_folder(const fs::path& folder, const std::vector<std::string>& all_runs) {
+/// that are missing (kSweepList in report/runs.h). `extends`: those that were listed before stay.
+void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool extends) {
     std::error_code error;
     fs::create_directories(folder, error);
     if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
     if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
-    write_file_atomically(folder / "sweep_runs.txt", fmt::format("{}\n", fmt::join(all_runs, "\n")));
+    const auto list = folder / "sweep_runs.txt";
+    if (extends && fs::exists(list)) {
+        std::istringstream lines(read_file(list));
+        for (std::string line; std::getline(lines, line);)
+            if (!line.empty() && std::ranges::find(all_runs, line) == all_runs.end())
+                all_runs.push_back(line);
+    }
+    write_file_atomically(list, fmt::format("{}\n", fmt::join(all_runs, "\n")));
 }
 
 // ---- tasks --------------------------------------------------------------------------
@@ -90,7 +98,7 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
                    .total_steps = planned.total_steps};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
-        if (row.status.state == RunPhase::refused) {
+        if (row.status.state == RunPhase::refused || row.status.state == RunPhase::failed) {
             exit_code = 1;
         } else if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
             row.state = in_queue->second;
@@ -156,7 +164,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
         fmt::print(out, "{}{}", names.empty() ? "" : slurm_script(folder, names, memory, slurm), refused);
         return exit_code;
     }
-    make_folder(folder, all_runs);
+    make_folder(folder, all_runs, !options.overrides.empty());
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
     fmt::print(out, "{}", refused);
@@ -219,7 +227,7 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
         return show_commands(next, folder, options, slots.slots.front().device, out);
     }
-    make_folder(folder, all_runs);
+    make_folder(folder, all_runs, !options.overrides.empty());
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
     search.train = [&](std::span<const PlannedRun> some) {

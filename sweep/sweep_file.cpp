@@ -16,6 +16,7 @@
 #include "settings/yaml.h"
 #include "storage/files.h"
 #include "sweep/grid.h"
+#include "sweep/settings.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -80,6 +81,11 @@ class Reader {
             } else {
                 fail_unknown(item.first, {"agent", "config", "set", "grid", "variants", "search"});
             }
+        }
+        for (const auto* key : {"agent", "config"}) {
+            if (std::ranges::count(contents.common, key, &Axis::key) > 1)
+                fail(root,
+                     fmt::format("'{}' is there twice, at the top and below 'set:'; leave one out", key));
         }
         check_sections(contents);
         return contents;
@@ -187,12 +193,13 @@ class Reader {
     }
 
     std::int64_t integer(const YAML::Node& node, std::int64_t low, std::int64_t high) const {
-        auto text = word(node);
-        std::erase(text, '_');
-        const auto number = number_in<std::int64_t>(text);
-        if (!number || *number < low || *number > high)
-            fail(node, fmt::format("expected an integer, {} to {}, not '{}'", low, high, word(node)));
-        return *number;
+        try {
+            const auto number = integer_in(word(node));
+            if (number >= low && number <= high) return number;
+        } catch (const ConfigError&) {
+            // The sentence below says it.
+        }
+        fail(node, fmt::format("expected an integer, {} to {}, not '{}'", low, high, word(node)));
     }
 
     SearchSpace search(const YAML::Node& node) const {

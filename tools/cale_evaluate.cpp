@@ -55,9 +55,19 @@ struct Options {
     int threads = 1;
 };
 
+/// Changes `env` as the user's --set have it.
+void set_environment(EnvConfig& env, const Options& options) {
+    for (const auto& setting : options.settings) {
+        if (setting.starts_with("env.noop_max="))
+            throw ConfigError(
+                fmt::format("--set {}: no-ops are a part of the protocol; give --noop-max", setting));
+    }
+    set_environment(env, options.settings);
+}
+
 EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
-    set_environment(env, options.settings);
+    set_environment(env, options);
     env.game = only_game(env).rom;
     if (const auto kept = keep_life_loss(policy, env); !kept.empty())
         std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
@@ -139,6 +149,12 @@ void evaluate_policy(const Options& options, torch::Device device) {
     EvaluationProgress progress(console, task.plan);
     const Evaluation evaluation = play(options, task);
     console.clear();
+    if (options.video && !fs::exists(task.plan.video))
+        std::fputs(fmt::format("cale evaluate: --video-episode {}: there is no film, as only {} games were "
+                               "played\n",
+                               options.video_episode, evaluation.games.size())
+                       .c_str(),
+                   stderr);
     const EvaluationReport report = report_of(options, task, options.policy, evaluation);
     write_evaluation_report(folder, report);
     std::fputs(evaluation_text(report).c_str(), stdout);
@@ -149,7 +165,7 @@ void evaluate_policy(const Options& options, torch::Device device) {
 
 EvaluationProtocol protocol_of(const Options& options) {
     EnvConfig env;
-    set_environment(env, options.settings);
+    set_environment(env, options);
     const EvaluationPlan plan = plan_of(options, env);
     EvaluationProtocol protocol{.name = options.protocol,
                                 .games = plan.games,
@@ -175,10 +191,10 @@ EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& 
     const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
     const auto folder = evaluations_folder(run, protocol);
     const auto name = evaluation_name(steps);
-    if (const auto result = evaluation_result(folder, steps)) return *result;
     make_evaluations_folder(folder, protocol);
     if (RunLock::is_taken(folder)) throw std::runtime_error("another process is evaluating it");
     const RunLock lock(folder);
+    if (const auto result = evaluation_result(folder, steps)) return *result;
     const auto partial = folder / (name + ".partial");
     PlayedGames played(partial);
     task.plan.known = played.known();
@@ -240,9 +256,9 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
 /// The runs that lie in the folder that the user named; none where that is a run, a checkpoint or no folder.
 std::vector<fs::path> runs_in(const fs::path& path) {
     std::error_code ignored;
-    const bool one =
-        fs::exists(path / "agent.safetensors", ignored) || fs::exists(path / "config.yaml", ignored);
-    return one || !fs::is_directory(path, ignored) ? std::vector<fs::path>() : run_folders(path);
+    return fs::exists(path / "config.yaml", ignored) || !fs::is_directory(path, ignored)
+               ? std::vector<fs::path>()
+               : run_folders(path);
 }
 
 int run(const Options& options) {

@@ -21,6 +21,7 @@
 #include "report/report.h"
 #include "report/tables.h"
 #include "settings/versions.h"
+#include "sweep/shell.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 
@@ -41,20 +42,10 @@ fs::path data_file(const char* name) {
 std::string command_line() {
     std::ifstream file("/proc/self/cmdline", std::ios::binary);
     const std::string text{std::istreambuf_iterator<char>(file), {}};
-    std::string line;
-    for (std::size_t start = 0, end = 0; (end = text.find('\0', start)) != text.npos; start = end + 1) {
-        const auto word = text.substr(start, end - start);
-        const bool plain = !word.empty() && word.find_first_of(" \t\n'\"\\$*?[]{}()<>|&;!#~`") == word.npos;
-        if (!line.empty()) line += ' ';
-        if (plain) {
-            line += word;
-            continue;
-        }
-        line += '\'';
-        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-        line += '\'';
-    }
-    return line;
+    std::vector<std::string> words;
+    for (std::size_t start = 0, end = 0; (end = text.find('\0', start)) != text.npos; start = end + 1)
+        words.push_back(text.substr(start, end - start));
+    return shell_text(words);
 }
 
 struct Options {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <system_error>
@@ -19,11 +18,6 @@
 namespace cale {
 namespace fs = std::filesystem;
 namespace {
-
-std::string hint(std::string_view text, const std::vector<std::string>& candidates) {
-    const auto guess = nearest(text, candidates);
-    return guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess);
-}
 
 std::vector<std::string> option_names(const CLI::App& app) {
     std::vector<std::string> names;
@@ -52,7 +46,7 @@ std::string plain_type(const CLI::Option& option) {
 
 std::string unknown_option(const CLI::App& app, const std::string& word) {
     const auto name = word.substr(0, word.find('='));
-    return fmt::format("unknown option '{}'{}", name, hint(name, option_names(app)));
+    return fmt::format("unknown option '{}'{}", name, did_you_mean(name, option_names(app)));
 }
 
 /// Words that no option and no argument took: a sentence about the first option among them, else about the
@@ -97,7 +91,7 @@ CLI::Validator seeds() {
 CLI::Validator one_of(const std::vector<std::string>& words) {
     const auto read = [=](const std::string& text) {
         if (std::ranges::find(words, text) != words.end()) return std::string();
-        return fmt::format("'{}': give {}{}", text, fmt::join(words, " or "), hint(text, words));
+        return fmt::format("'{}': give {}{}", text, fmt::join(words, " or "), did_you_mean(text, words));
     };
     return {read, fmt::format("{{{}}}", fmt::join(words, ","))};
 }
@@ -136,7 +130,7 @@ void check_first_word(const CLI::App& program, const std::string& word) {
     if (word == "train" || !nearest(word, programs).empty())
         throw ConfigError(fmt::format("unknown command '{}'; agents are trained by programs of their own: {}",
                                       word, fmt::join(programs, ", ")));
-    const auto guess = hint(word, commands);
+    const auto guess = did_you_mean(word, commands);
     throw ConfigError(
         fmt::format("unknown command '{}'{}", word, guess.empty() ? "; cale --help lists them" : guess));
 }

@@ -9,7 +9,6 @@
 #include <memory>
 #include <stdexcept>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include <ATen/ATen.h>

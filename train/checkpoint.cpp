@@ -266,13 +266,10 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
     const fs::path folder = run_dir / "checkpoints";
     if (!fs::is_directory(folder)) return found;
     for (const auto& entry : fs::directory_iterator(folder)) {
-        const std::string name = entry.path().filename().string();
-        if (name.starts_with("step_") && !name.ends_with(kPartial)) found.push_back(entry.path());
+        // Another name is a user's copy, or unfinished.
+        if (checkpoint_step(entry.path())) found.push_back(entry.path());
     }
-    // By length first: a run of more than 999,999,999 steps has longer names.
-    std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) {
-        return std::pair(a.string().size(), a.string()) < std::pair(b.string().size(), b.string());
-    });
+    std::ranges::sort(found, {}, checkpoint_step);
     return found;
 }
 

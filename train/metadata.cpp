@@ -50,13 +50,13 @@ std::string cpu_model() {
     return uname(&system) == 0 ? system.machine : "unknown";
 }
 
-nlohmann::json described(const Sitting& sitting) {
+nlohmann::json described(const Session& session) {
     return {{"cale", cale_version()},        {"commit", cale_commit()},
             {"ale", ale_version()},          {"libtorch", torch_version()},
-            {"command", sitting.command},    {"started", utc_now()},
+            {"command", session.command},    {"started", utc_now()},
             {"host", host_name()},           {"cpu", cpu_model()},
-            {"device", sitting.device},      {"threads", sitting.threads},
-            {"processes", sitting.processes}};
+            {"device", session.device},      {"threads", session.threads},
+            {"processes", session.processes}};
 }
 
 /// The first key whose value is not what this program writes; none: all are.
@@ -83,7 +83,7 @@ Metadata::~Metadata() = default;
 Metadata::Metadata(Metadata&&) noexcept = default;
 Metadata& Metadata::operator=(Metadata&&) noexcept = default;
 
-Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const Sitting& sitting)
+Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const Session& session)
     : Metadata(run_dir) {
     std::vector<std::string> roms, md5s;
     for (const auto& rom : identity.roms) {
@@ -91,7 +91,7 @@ Metadata::Metadata(const fs::path& run_dir, const RunIdentity& identity, const S
         md5s.push_back(rom_md5(rom));
     }
     auto& json = contents_->json;
-    json = described(sitting);
+    json = described(session);
     json.update({{"program", identity.program},
                  {"exp_name", identity.agent},
                  {"env_id", identity.env_id},
@@ -126,10 +126,10 @@ std::optional<int> Metadata::threads() const {
     return found == contents_->json.end() ? std::nullopt : std::optional(found->get<int>());
 }
 
-void Metadata::resume(const Sitting& sitting, double trained_seconds) {
+void Metadata::resume(const Session& session, double trained_seconds) {
     auto& json = contents_->json;
     if (!json.contains("wall_seconds")) seconds_before_ = trained_seconds;
-    json["resumed"].push_back(described(sitting));
+    json["resumed"].push_back(described(session));
     json["finished"] = false;
     json["stopped"] = nullptr;
 }

@@ -30,7 +30,7 @@ struct RunIdentity {
 };
 
 /// One session of training; the other entries of metadata.json are looked up.
-struct Sitting {
+struct Session {
     std::string command;
     std::string device;
     int threads = 1;
@@ -41,7 +41,7 @@ struct Sitting {
 class Metadata {
   public:
     /// For a new run. Throws std::runtime_error where the ROM cannot be read.
-    Metadata(const std::filesystem::path& run_dir, const RunIdentity& identity, const Sitting& sitting);
+    Metadata(const std::filesystem::path& run_dir, const RunIdentity& identity, const Session& session);
     /// Reads those of a run that is resumed; none if it has no metadata.json. Throws std::runtime_error, with
     /// a remedy, for a damaged file, which is left unchanged.
     static std::optional<Metadata> read(const std::filesystem::path& run_dir);
@@ -54,7 +54,7 @@ class Metadata {
 
     /// Begins a session. `trained_seconds`: the run's earlier training time, used if the file does not record
     /// it.
-    void resume(const Sitting& sitting, double trained_seconds);
+    void resume(const Session& session, double trained_seconds);
     void add_change(const std::string& changes);
     /// The key of the setting by which a schedule lasts for the whole run; empty: there is none.
     void set_schedule_over_run(const std::string& key);

@@ -1,6 +1,7 @@
 #include "train/program.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
@@ -37,12 +38,16 @@ namespace {
 
 enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
 
+/// How long the other processes wait for the first one, which evaluates alone: a hundred of the longest games
+/// take two hours on a slow core. A process that ends is noticed at once.
+constexpr auto kLongestEvaluation = std::chrono::hours(6);
+
 /// The other processes that this one was started with, once they are all there.
 ProcessGroup join_processes(const std::optional<ProcessRank>& place, const TrainingProgram& program,
                             torch::Device device) {
     if (!place) return {};
     try {
-        ProcessGroup processes(*place, device);
+        ProcessGroup processes(*place, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
                                fmt::format("process {} of {}: the processes of this run were started with "
                                            "different settings; give all of them the same command line",
@@ -95,6 +100,9 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
                         "started; say --threads with that number",
                         run_dir.string()));
     }
+    // Without pictures a network's products are too small to be shared: two threads are no faster than one,
+    // and far slower where another program takes one of the cores.
+    if (program.spec().observation.shape.size() < 2) return 1;
     const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
     const auto env_threads = static_cast<int>(world.threads);
     // Environments that step during an update keep their cores. An agent that learns beside many steps leaves
@@ -354,7 +362,7 @@ AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& worl
 /// The run's own metadata: those of `resumed`, or new ones where it had none. Before the first step of a run
 /// also writes the files that say what it is.
 Metadata begin_record(const TrainingProgram& program, const TrainingWorld& world, const fs::path& run_dir,
-                      std::optional<Metadata> resumed, bool resume, const Sitting& sitting) {
+                      std::optional<Metadata> resumed, bool resume, const Session& session) {
     if (!resume) require_no_run(run_dir);  // that came and went while the agent was made
     auto metadata = resumed ? std::move(*resumed)
                             : Metadata(run_dir,
@@ -363,7 +371,7 @@ Metadata begin_record(const TrainingProgram& program, const TrainingWorld& world
                                         .env_id = world.id,
                                         .seed = program.settings.train.seed,
                                         .roms = world.roms},
-                                       sitting);
+                                       session);
     metadata.set_schedule_over_run(program.schedule_over_run());
     if (!resume) {
         metadata.write();  // in this order: see require_no_run()
@@ -410,7 +418,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
-    const Sitting sitting{.command = joined(argc, argv),
+    const Session session{.command = joined(argc, argv),
                           .device = device.str(),
                           .threads = threads,
                           .processes = static_cast<int>(processes.size())};
@@ -418,7 +426,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     std::optional<Metadata> metadata;
     if (processes.first()) {
         lock.emplace(run_dir);
-        metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, sitting));
+        metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, session));
     }
 
     TrainOptions options;
@@ -432,7 +440,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     options.checkpointed = [&] { metadata->write(); };
     options.resumed = [&](double trained_seconds) {
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
-        metadata->resume(sitting, trained_seconds);
+        metadata->resume(session, trained_seconds);
         if (!changes.empty()) metadata->add_change(changes);
         metadata->write();
         if (!changes.empty())

@@ -35,7 +35,7 @@ bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
     return every > 0 && before / every != now / every;
 }
 
-/// A clock that continues where the last sitting stopped.
+/// A clock that continues where the last session stopped.
 class Stopwatch {
   public:
     explicit Stopwatch(double seconds_before) : seconds_before_(seconds_before) {}
@@ -190,7 +190,11 @@ void Recorder::begin() {
         if (options_.resumed) options_.resumed(state_.seconds);
     }
     // So that a run can be resumed from its first step on, and remembers what was changed.
-    if (resumed_ == nullptr || options_.changed) write_checkpoint();
+    if (resumed_ == nullptr || options_.changed) {
+        write_checkpoint();
+        // Before the first row, which without a checkpoint could not be resumed.
+        if (files_) files_->checkpoints.finish();
+    }
     if (state_.evaluation_due) {
         state_.evaluation_due = !run_evaluation();
         if (!state_.evaluation_due && evaluations_decide()) write_checkpoint();

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "cale/games.h"
 #include "cale/text.h"
 
 namespace cale {
@@ -30,6 +31,7 @@ std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
 
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run) {
+    if (key == "env.game" && game_names(before) == game_names(now)) return "";
     const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();
     if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
     return fmt::format("{} was {} and is now {}{}", key, before, now,

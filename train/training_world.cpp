@@ -74,7 +74,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             .name = variant_name(env),
             .num_envs = env.num_envs,
             .threads = VectorEnv::threads(env),
-            .bytes_per_env = VectorEnv::memory_needed(env) / env.num_envs,
+            .bytes_per_env = VectorEnv::memory_per_env(env),
             .frames_per_step = env.frame_skip,
             .roms = std::move(roms),
             .games = all_games.size() > 1 ? std::move(names) : std::vector<std::string>(),

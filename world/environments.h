@@ -4,12 +4,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <exception>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <type_traits>
-#include <variant>
 #include <vector>
 
 #include "world/world.h"
@@ -45,15 +45,21 @@ class Environments final : public World {
 
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override {
+        std::exception_ptr first;
         for (std::size_t i = 0; i < games_.size(); ++i) {
             auto& game = games_[i];
-            results[i] = step_one(game, actions, i);
-            if (results[i].episode_over) {
-                game.draw(row(final_frames, i));
-                game.reset();
+            try {
+                results[i] = step_one(game, actions, i);
+                if (results[i].episode_over) {
+                    game.draw(row(final_frames, i));
+                    game.reset();
+                }
+                game.draw(row(frames, i));
+            } catch (...) {
+                if (!first) first = std::current_exception();
             }
-            game.draw(row(frames, i));
         }
+        if (first) std::rethrow_exception(first);
     }
 
     std::vector<EpisodeRecord> record() const override {

@@ -1,4 +1,4 @@
-// For a LibTorch without CUDA: see agents/cuda/device_backend.cpp.
+// For a LibTorch without CUDA: see parallel/cuda/device_backend.cpp.
 #include "parallel/device_backend.h"
 
 #include <stdexcept>

@@ -304,6 +304,12 @@ TEST_P(EveryAgent, RefusesAStateThatDoesNotFitAndStaysAsItIs) {
     wider.hidden_units = 17;
     expect_refused(make(world(1, 2), wider)->state(), "another shape");
     for (const auto& [name, tensor] : own) {
+        if (!tensor.is_floating_point()) continue;
+        auto doubled = make(world(1, 2))->state();
+        doubled[name] = tensor.to(torch::kFloat64);
+        expect_refused(doubled, "'" + name + "' in another ");
+    }
+    for (const auto& [name, tensor] : own) {
         auto lacking = make(world(1, 2))->state();
         lacking.erase(name);
         expect_refused(lacking, "'" + name + "'");

@@ -293,6 +293,7 @@ TEST(Evaluation, QuantilesOfRewardsCountAgentSteps) {
     EXPECT_EQ(reward_quantile(rewards, 31.0 / 35), 0);
     EXPECT_EQ(reward_quantile(rewards, 0.89), 5);
     EXPECT_EQ(reward_quantile(rewards, 1), 5);
+    EXPECT_EQ(reward_quantile({{-1.0f, 7}, {0.0f, 93}}, 0.07), -1);
     EXPECT_THROW(reward_quantile({}, 0.5), std::invalid_argument);
 }
 

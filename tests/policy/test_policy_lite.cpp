@@ -354,6 +354,13 @@ TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
               "an observation has 5 bytes: it must have 756");
 }
 
+TEST(LitePolicy, ADrawHasANumberForEachCoordinate) {
+    PolicyInfo info;  // polar: three
+    EXPECT_EQ(lite::squashed_decision(info, std::array{0.0f, 0.0f, 0.0f}).event, Event::noop);
+    for (const std::size_t size : {0u, 2u, 4u, 5u})
+        EXPECT_THROW(lite::squashed_decision(info, std::vector<float>(size)), std::invalid_argument);
+}
+
 TEST(LitePolicy, FilesThatCannotBeRead) {
     EXPECT_EQ(test::message_of([] { lite::Policy::load("/no/such.safetensors"); }),
               "cannot read '/no/such.safetensors': No such file or directory");

@@ -227,12 +227,25 @@ TEST_F(Comparing, JoystickRunsComeWithTheFloorOfTheJoystick) {
                                               "unknown", "1", "1", "1"));
 }
 
+TEST_F(Comparing, FactoredJoysticksHaveTheFloorOfTheEvents) {
+    folders_.run("a", "der", "KungFuMaster", 1, {500},
+                 "env: {action_space: continuous, joystick: factored, sticky_probability: 0}\n");
+    const auto comparison = compared();
+    ASSERT_THAT(comparison.random_floors, SizeIs(1));
+    EXPECT_EQ(comparison.random_floors[0].name, kPublishedRandom);
+}
+
 TEST(Tables, AreLatexToo) {
     const Table table{
         .header = {"group", "a_b"}, .rows = {{"50 %", "-0.5 [-0.6, 1]"}}, .best = {{false, true}}};
     EXPECT_EQ(to_latex(table),
               "% \\usepackage{booktabs}\n\\begin{tabular}{lr}\n\\toprule\ngroup & a\\_b \\\\\n\\midrule\n"
               "50 \\% & \\textbf{$-$0.5 [$-$0.6, 1]} \\\\\n\\bottomrule\n\\end{tabular}\n");
+}
+
+TEST(Tables, ANameInBracketsIsNoOptionOfLatex) {
+    const Table table{.header = {"group"}, .rows = {{"[1] SAC"}}};
+    EXPECT_THAT(to_latex(table), testing::HasSubstr("\n{[}1] SAC \\\\\n"));
 }
 
 TEST(Csv, QuotesWhatNeedsIt) {

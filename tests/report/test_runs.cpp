@@ -165,6 +165,37 @@ TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
     EXPECT_DOUBLE_EQ(run.reward_quantiles[2].reward, 1);
 }
 
+TEST_F(Runs, AnEvaluationOfAnEarlierStepIsNotThatOfTheEnd) {
+    const std::string header = "episode,return,length,frames\n";
+    folders_.run("a", "sac", "Pong", 1, {-21, -20}, "train: {total_steps: 200}\n");
+    folders_.write("a/eval/step_000000100.csv", header + "0,-10,1,4\n");
+    EXPECT_TRUE(found().runs.at(0).finished);
+    EXPECT_FALSE(found(ScoreKind::evaluation).runs.at(0).finished);
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).reached, 100);
+    folders_.write("a/eval/step_000000200.csv", header + "0,5,1,4\n");
+    EXPECT_TRUE(found(ScoreKind::evaluation).runs.at(0).finished);
+    folders_.write("a/evaluations/x/protocol.json", R"({"name": "x"})");
+    folders_.write("a/evaluations/x/step_000000100.csv", header + "0,7,1,4\n");
+    EXPECT_FALSE(found(ScoreKind::evaluation).runs.at(0).finished) << "cale evaluate's counts";
+    folders_.write("a/evaluations/x/step_000000200.csv", header + "0,7,1,4\n");
+    EXPECT_TRUE(found(ScoreKind::evaluation).runs.at(0).finished);
+}
+
+TEST_F(Runs, DamageInAnEvaluationLeavesTheTrainingsScore) {
+    folders_.run("a", "sac", "Pong", 1, {-21, -19});
+    folders_.write("a/eval/step_000000200.csv", "episode,return,length,frames\n0,5,1,4\n");
+    folders_.write("a/eval/step_000000200_rewards.csv", "");
+    const auto run = found().runs.at(0);
+    EXPECT_THAT(run.scores, ElementsAre(-21, -19));
+    EXPECT_THAT(run.doubts, ElementsAre(HasSubstr("its rewards are left out")));
+}
+
+TEST_F(Runs, AreNoOtherConfigurationForTheNoOpsOfTheirEvaluation) {
+    folders_.run("a", "sac", "Pong", 1, {-21}, "eval: {noop_max: 0}\n");
+    folders_.run("b", "sac", "Pong", 2, {-21}, "eval: {noop_max: 29}\n");
+    EXPECT_THAT(labels(), ElementsAre("sac"));
+}
+
 TEST_F(Runs, HalfALastLineIsPassedOver) {
     folders_.run("a", "sac", "Pong", 1, {-21, -19});
     std::ofstream(folders_.path() / "a/episodes.csv", std::ios::app) << "-3,10";

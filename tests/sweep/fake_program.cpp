@@ -8,7 +8,7 @@ namespace {
 constexpr const char* kProgram = R"sh(#!/bin/bash
 here=$(dirname "$0")
 resume= print=
-defaults() { mode=fast size=1 loss=huber rate=1e-4 every=10 steps=100 rom_dir=; }
+defaults() { mode=fast size=1 loss=huber rate=1e-4 every=10 steps=100 rom_dir= env=; }
 check() {
     if [ "$size" = huge ]; then
         echo "train_fake: --set agent.size=huge: agent.size must be a number, not 'huge'" >&2
@@ -20,7 +20,7 @@ check() {
     fi
 }
 config() {
-    printf 'env:\n  rom_dir: "%s"\nagent:\n  mode: %s\n  size: %s\n' "$rom_dir" "$mode" "$size"
+    printf 'env:\n  rom_dir: "%s"\n%sagent:\n  mode: %s\n  size: %s\n' "$rom_dir" "$env" "$mode" "$size"
     printf '  loss: %s\n  rate: %s\n  replay_capacity: 1000000\n' "$loss" "$rate"
     printf 'train:\n  total_steps: %s\neval:\n  episodes: 0\nlog:\n  every: %s\n' "$steps" "$every"
 }
@@ -42,6 +42,7 @@ while [ $# -gt 0 ]; do
         train.total_steps=*) steps=${1#*=} ;;
         env.rom_dir=*) rom_dir=${1#*=} ;;
         env.game=* | train.seed=*) ;;
+        env.*) key=${1%%=*}; env="$env  ${key#env.}: ${1#*=}"$'\n' ;;
         *) echo "train_fake: --set $1: unknown key '${1%%=*}'" >&2; exit 2 ;;
     esac
     shift
@@ -52,6 +53,7 @@ checkpoint() { mkdir -p "$dir/checkpoints/step_000000$1"; }
 finish() {
     printf 'global_step,seconds,steps_per_second,charts/avg_episodic_return\n%s,1,50,7.5\n' "$steps" \
         >"$dir/progress.csv"
+    printf '#{}\nr,global_step\n7.5,%s\n' "$steps" >"$dir/episodes.csv"
     checkpoint "$steps"
     exit 0
 }

@@ -14,9 +14,9 @@ namespace test {
 
 /// A folder with train_fake, a ROM of Pong, and place for a sweep's runs.
 ///
-/// train_fake knows agent.mode, agent.size, agent.loss (huber), agent.rate (1e-4), log.every, and
-/// train.total_steps (100, of three digits); agent.size=9 does not go with agent.loss=mse. It writes the
-/// files of a run of so many steps:
+/// train_fake knows every env setting, agent.mode, agent.size, agent.loss (huber), agent.rate (1e-4),
+/// log.every, and train.total_steps (100, of three digits); agent.size=9 does not go with agent.loss=mse. It
+/// writes the files of a run of so many steps:
 ///   fast          at once
 ///   slow          once the file `go` is in this folder; SIGINT and SIGTERM end it at a checkpoint of step 50
 ///   fail_once     fails the first time, at a checkpoint of step 50

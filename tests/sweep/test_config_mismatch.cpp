@@ -97,6 +97,15 @@ TEST_F(Refusal, NothingCountsWithoutACheckpoint) {
     EXPECT_EQ(config_mismatch(planned_, folder_ / "none"), "");
 }
 
+TEST_F(Refusal, ResultsWhoseCheckpointsAreGoneAreNotStartedOver) {
+    folder_.write("run/config.yaml", "agent: {loss: huber}\n");
+    folder_.write("run/episodes.csv", "#{}\nr,l,t\n");
+    EXPECT_EQ(reason(), "") << "no game has ended";
+    folder_.write("run/episodes.csv", "#{}\nr,l,t\n1,2,3\n");
+    EXPECT_THAT(reason(), HasSubstr("it holds results and no checkpoint to resume from"));
+    EXPECT_EQ(status_of(planned_, folder_ / "run").state, RunPhase::refused);
+}
+
 TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {
     fs::create_directories(folder_ / "run/checkpoints/step_000000100");
     EXPECT_THAT(reason(), HasSubstr("run/config.yaml': No such file or directory); put it back, or remove"));

@@ -75,6 +75,16 @@ TEST_F(LocalSweep, TrainsAllRunsOnce) {
     EXPECT_EQ(fake_.output("fast_0"), "started with output.log \n") << "a finished run is left alone";
 }
 
+TEST_F(LocalSweep, RunsHaveTheirOutputWhereTheSweepHasNoStandardInput) {
+    const pid_t sweep = ::fork();
+    if (sweep == 0) {
+        ::close(STDIN_FILENO);
+        ::_exit(run(fake_.runs({"fast"})));
+    }
+    EXPECT_EQ(exit_code_of(sweep), 0);
+    EXPECT_EQ(fake_.output("fast_0"), "started with output.log \n");
+}
+
 TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
     EXPECT_EQ(run(fake_.runs({"fail", "fail_once", "unresumable", "fast"})), 1);
     EXPECT_EQ(state("fail_0"), RunPhase::failed);

@@ -42,6 +42,8 @@ TEST_F(SweepPlan, TheProgramResolvesEveryRun) {
     EXPECT_FALSE(runs[0].evaluates);
     EXPECT_LT(runs[0].memory, 2e9) << "a short run never fills its replay";
     EXPECT_GT(runs[1].memory, 7e9) << "a million frames";
+    EXPECT_LT(plan_of(", train.total_steps: 2000000", "fake", {"env.obs=ram"})[0].memory, 2e9)
+        << "a million times 128 bytes";
     EXPECT_EQ(largest_memory(runs), runs[1].memory);
 }
 
@@ -98,6 +100,19 @@ TEST_F(SweepPlan, SettingsThatDoNotFitTogetherAreSaidBeforeAnythingStarts) {
                                                     "}\ngrid: {train.seed: 1..2, env.game: pong}\n"
                                                     "variants: [{agent.size: 9}, {agent.loss: mse}]\n");
     EXPECT_EQ(plan(read_sweep(file), fake_.path()).size(), 4u) << "no run has both";
+}
+
+TEST_F(SweepPlan, ARunsOwnGameHasToFitItsSettings) {
+    const auto roms = (fake_.path() / "roms").string();
+    std::filesystem::copy_file(roms + "/pong.bin", roms + "/ms_pacman.bin");
+    const auto file = fake_.write("games.yaml", "agent: fake\nset: {env.rom_dir: " + roms +
+                                                    ", env.action_space: continuous, env.paddle: absolute}\n"
+                                                    "grid: {train.seed: 1, env.game: [pong, ms_pacman]}\n");
+    const auto sentence = test::error_of<ConfigError>([&] { plan(read_sweep(file), fake_.path()); });
+    EXPECT_THAT(sentence, HasSubstr("games: MsPacman__fake__1: "));
+    EXPECT_THAT(sentence, HasSubstr("paddle"));
+    const std::vector<std::string> pong_alone = {"env.game=pong"};
+    EXPECT_EQ(plan(read_sweep(file, pong_alone), fake_.path()).size(), 1u);
 }
 
 TEST_F(SweepPlan, AsksAboutAsManyRunsAsThereAre) {

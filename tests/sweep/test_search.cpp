@@ -214,7 +214,7 @@ class HalvingSearch : public testing::Test {
             for (int step = 25; step <= planned.total_steps; step += 25)
                 episodes +=
                     fmt::format("{},{}\n", equal_ ? 1 : planned.run.sample * (step > 100 ? 10 : -10), step);
-            folder_.write(name + "/episodes.csv", episodes);
+            folder_.write(name + "/episodes.csv", ends_no_game_ ? "#{}\nr,global_step\n" : episodes);
             fs::create_directories(folder_ / name /
                                    fmt::format("checkpoints/step_{:09}", planned.total_steps));
             if (planned.evaluates)
@@ -231,7 +231,7 @@ class HalvingSearch : public testing::Test {
     std::vector<std::string> trained_;
     std::ptrdiff_t stops_before_ = -1;
     std::int64_t fails_ = 0;
-    bool equal_ = false;
+    bool equal_ = false, ends_no_game_ = false;
 };
 
 TEST_F(HalvingSearch, TheBetterHalfGoesOn) {
@@ -313,6 +313,12 @@ TEST_F(HalvingSearch, ARunThatFailedIsTheWorst) {
     EXPECT_THAT(trained_, ElementsAre("50: 1 2 3 4 5", "100: 2 3 4", "200: 2 3", "400: 3"));
     EXPECT_THAT(folder_.read("search.csv"),
                 HasSubstr(fmt::format("1,50,5.000,{},,\n", sweep_.samples[0][0].value)));
+}
+
+TEST_F(HalvingSearch, WithoutAScoreNothingIsTheBest) {
+    ends_no_game_ = true;
+    search(SearchMethod::random);
+    EXPECT_FALSE(fs::exists(folder_ / "search_best.yaml"));
 }
 
 TEST_F(HalvingSearch, RunsThatWouldNotGoOnAsTheyWereAreNotPaused) {

@@ -137,6 +137,26 @@ TEST_F(SweepCommand, ListsAllItsRunsForTheReport) {
     EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__1\nPong__fake__2\n");
 }
 
+TEST_F(SweepCommand, RunsThatAreAddedOnTheCommandLineStandBesideThoseThatWereThere) {
+    answer();
+    options_.overrides = {"train.seed=3"};
+    answer();
+    EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__3\nPong__fake__1\nPong__fake__2\n");
+    options_.overrides = {};
+    answer();
+    EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__1\nPong__fake__2\n");
+}
+
+TEST_F(SweepCommand, AFailedRunIsSaidByTheExitCodeOfTheStatusToo) {
+    options_.overrides = {"agent.mode=fail"};
+    options_.retries = 0;
+    answer();
+    EXPECT_EQ(code_, 1);
+    options_.task = SweepTask::show_status;
+    EXPECT_THAT(answer(), HasSubstr("2 failed"));
+    EXPECT_EQ(code_, 1);
+}
+
 TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
     options_.only = {"Ping*"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),

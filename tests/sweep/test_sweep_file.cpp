@@ -103,6 +103,13 @@ TEST_F(SweepFile, ConfigurationsAreRelativeToTheFileAndMayNameTheAgent) {
     EXPECT_EQ(sweep.runs[1].agent, "der");
 }
 
+TEST_F(SweepFile, AValueThatIsWrittenInTwoWaysIsOne) {
+    EXPECT_THAT(
+        names("agent: sac\n"
+              "grid: {train.seed: [1, 01, 1e0], env.game: pong, agent.learning_rate: [1e-4, 0.0001]}\n"),
+        ElementsAre("Pong__sac__learning_rate=1e-4__1"));
+}
+
 TEST_F(SweepFile, GroupsOfGamesAreTheirGamesOnceEach) {
     const auto games = [&](const std::string& value) {
         std::set<std::string> result;
@@ -241,6 +248,7 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("grid: {env.game: pong, train.seed: 1}\n"), HasSubstr("agent is missing"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 1}\n"), HasSubstr("env.game is missing"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong}\n"), HasSubstr("train.seed is missing"));
+    EXPECT_THAT(mistake(small_ + "set: {agent: der}\n"), HasSubstr("'agent' is there twice"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.seed: 1, config: [a/x.yaml, b/x.yaml]}\n"),
                 HasSubstr("two different runs would be called Pong__sac__config=x__1"));
     EXPECT_THAT(mistake(small_, {"env.game"}), HasSubstr("expected KEY=VALUE"));

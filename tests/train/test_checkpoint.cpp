@@ -201,12 +201,15 @@ TEST_F(Checkpoints, OnlyTheNewestStay) {
     const auto checkpoints = run / "checkpoints";
     fs::create_directories(checkpoints / "step_000000035.partial");  // of a killed run
     fs::create_directories(checkpoints / "step_000000900");          // of another end that this run came to
+    fs::create_directories(checkpoints / "step_000000030_good");     // a copy of the user's
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{10, 20, 30, 900}));
     while (agent.steps < 40) agent.step();
     writer.start(snapshot());
     writer.finish();
     std::vector<std::string> left;
     for (const auto& folder : fs::directory_iterator(checkpoints)) left.push_back(folder.path().filename());
-    EXPECT_THAT(left, testing::UnorderedElementsAre("step_000000020", "step_000000030", "step_000000040"));
+    EXPECT_THAT(left, testing::UnorderedElementsAre("step_000000020", "step_000000030", "step_000000030_good",
+                                                    "step_000000040"));
 }
 
 TEST_F(Checkpoints, AtMultiplesStayForGood) {

@@ -194,7 +194,7 @@ TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
         train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
     ASSERT_EQ(longer.code, 0) << longer.stderr_text;
     const auto second = metadata_of(folder.path());
-    EXPECT_GT(second["wall_seconds"], first["wall_seconds"]) << "of both sittings";
+    EXPECT_GT(second["wall_seconds"], first["wall_seconds"]) << "of both sessions";
     EXPECT_EQ(second["started"], first["started"]);
     EXPECT_EQ(second["command"], first["command"]);
     ASSERT_EQ(second["resumed"].size(), 1u);
@@ -471,8 +471,8 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
     EXPECT_EQ(other.code, 3);
     EXPECT_THAT(other.stderr_text, testing::HasSubstr("agent.gamma was 0.99 and is now 0.5"));
 
-    const auto longer =
-        train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20", "--no-progress"});
+    const auto longer = train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20",
+                                   "env.game=ALE/Pong-v5", "--no-progress"});
     EXPECT_EQ(longer.code, 0) << longer.stderr_text;
     EXPECT_TRUE(std::filesystem::exists(folder.path() / "checkpoints" / "step_000000020"));
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
@@ -757,6 +757,8 @@ TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
         return said.text;
     };
     const std::string note = "cale evaluate: env.terminal_on_life_loss=false is not applied: ";
+    EXPECT_EQ(cale_says("evaluate run --out no --set env.noop_max=3", folder.path()).text,
+              "cale evaluate: --set env.noop_max=3: no-ops are a part of the protocol; give --noop-max\n");
     EXPECT_THAT(evaluated("as_trained", ""), testing::Not(testing::HasSubstr(note)));
     EXPECT_THAT(evaluated("set", " --set env.terminal_on_life_loss=false"), testing::HasSubstr(note));
     const auto games = read_file(folder.path() / "as_trained" / "evaluation.csv");
