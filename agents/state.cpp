@@ -51,8 +51,8 @@ void restore(const StateParts& parts, const TensorMap& state) {
     };
     const auto require = [](bool same, const std::string& name) {
         if (!same)
-            throw std::runtime_error("the agent's state holds '" + name +
-                                     "' in another shape or type: it was saved with another configuration");
+            throw std::runtime_error("'" + name +
+                                     "' has another shape or type: it is of another configuration");
     };
     for (const auto& [name, tensor] : parts.tensors)
         require(stored(name).sizes() == tensor.sizes() && stored(name).dtype() == tensor.dtype(), name);

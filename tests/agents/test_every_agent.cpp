@@ -307,7 +307,7 @@ TEST_P(EveryAgent, RefusesAStateThatDoesNotFitAndStaysAsItIs) {
         if (!tensor.is_floating_point()) continue;
         auto doubled = make(world(1, 2))->state();
         doubled[name] = tensor.to(torch::kFloat64);
-        expect_refused(doubled, "'" + name + "' in another ");
+        expect_refused(doubled, "'" + name + "'");
     }
     for (const auto& [name, tensor] : own) {
         auto lacking = make(world(1, 2))->state();
