@@ -49,14 +49,13 @@ void restore(const StateParts& parts, const TensorMap& state) {
         if (found == state.end()) throw std::runtime_error("the agent's state lacks '" + name + "'");
         return found->second;
     };
-    const auto require = [](bool same, const std::string& name) {
-        if (!same)
-            throw std::runtime_error("'" + name +
-                                     "' has another shape or type: it is of another configuration");
+    const auto refuse = [](const std::string& name) {
+        throw std::runtime_error("'" + name + "' has another shape or type: it is of another configuration");
     };
     for (const auto& [name, tensor] : parts.tensors)
-        require(stored(name).sizes() == tensor.sizes() && stored(name).dtype() == tensor.dtype(), name);
-    for (const auto& [name, counter] : parts.counters) require(stored(name).numel() == 1, name);
+        if (stored(name).sizes() != tensor.sizes() || stored(name).dtype() != tensor.dtype()) refuse(name);
+    for (const auto& [name, counter] : parts.counters)
+        if (stored(name).numel() != 1) refuse(name);
     // Everything is read before anything is changed.
     std::vector<std::pair<at::Generator*, at::Generator>> generators;
     std::vector<std::pair<std::mt19937_64*, std::mt19937_64>> engines;
