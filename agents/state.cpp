@@ -50,7 +50,7 @@ void restore(const StateParts& parts, const TensorMap& state) {
         return found->second;
     };
     const auto refuse = [](const std::string& name) {
-        throw std::runtime_error("'" + name + "' has another shape or type: it is of another configuration");
+        throw std::runtime_error("'" + name + "' has another shape or type: of another configuration");
     };
     for (const auto& [name, tensor] : parts.tensors)
         if (stored(name).sizes() != tensor.sizes() || stored(name).dtype() != tensor.dtype()) refuse(name);

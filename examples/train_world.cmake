@@ -1,4 +1,4 @@
-# Trains in a world of an example: at once, and in two sittings, which must be the same run.
+# Trains in a world of an example: at once, and in two sessions, which must be the same run.
 # Run as: cmake -DPROGRAM=... -DWORK_DIR=... -DSOURCE_DIR=... -P train_world.cmake
 cmake_policy(VERSION 3.25)
 file(REMOVE_RECURSE ${WORK_DIR})
@@ -28,7 +28,7 @@ foreach(name whole halves)
     file(SHA256 ${WORK_DIR}/${name}/episodes.csv episodes_of_${name})
 endforeach()
 if(NOT episodes_of_whole STREQUAL episodes_of_halves)
-    message(FATAL_ERROR "a run in two sittings has other episodes than one at once: see ${WORK_DIR}")
+    message(FATAL_ERROR "a run in two sessions has other episodes than one at once: see ${WORK_DIR}")
 endif()
 file(STRINGS ${WORK_DIR}/whole/episodes.csv rows)
 list(LENGTH rows rows)

@@ -321,8 +321,10 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
     for (const auto& group : comparison.groups) {
         for (const auto& run : group.runs) {
             if (!run.finished)
-                unfinished.push_back(fmt::format("{} is unfinished: {:.0f} of {:.0f} agent steps",
-                                                 name_of(run), run.reached, run.total_steps));
+                unfinished.push_back(fmt::format(
+                    "{} {}: {:.0f} of {:.0f} agent steps", name_of(run),
+                    run.settings.contains("evaluation") ? "was evaluated too early" : "is unfinished",
+                    run.reached, run.total_steps));
             doubts.insert(doubts.end(), run.doubts.begin(), run.doubts.end());
         }
     }

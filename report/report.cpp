@@ -11,14 +11,14 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Of an earlier report in the folder all that it may have written: what this one does not write would stand
-/// beside it as if it did.
+/// Removes the files beside the page of an earlier report in the folder: those that the new one does not have
+/// would stand beside it as if they were its own.
 void remove_report(const fs::path& folder) {
     if (!fs::exists(folder / "report.html")) return;
-    for (const auto* name : {"report", "scores", "run_curves", "setup", "settings", "aggregates",
-                             "sample_efficiency", "performance_profiles", "probability_of_improvement",
-                             "game_curves", "game_scores", "events", "zones", "rewards"}) {
-        for (const auto* extension : {".html", ".csv", ".tex", ".svg", ".png"})
+    for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
+                             "performance_profiles", "probability_of_improvement", "game_curves",
+                             "game_scores", "events", "zones", "rewards"}) {
+        for (const auto* extension : {".csv", ".tex", ".svg", ".png"})
             fs::remove(folder / (std::string(name) + extension));
     }
 }
@@ -28,10 +28,13 @@ void remove_report(const fs::path& folder) {
 std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigin& origin,
                                    const fs::path& folder, bool with_script) {
     fs::create_directories(folder);
-    remove_report(folder);
     const auto pictures = figures(comparison);
+    const auto page = to_html(comparison, pictures, origin, with_script);
+    const auto all_tables = {csv_files(comparison), latex_files(comparison)};
+    remove_report(folder);
     std::vector<fs::path> files{folder / "report.html"};
-    for (const auto& tables : {csv_files(comparison), latex_files(comparison)}) {
+    write_text(files.front(), page);
+    for (const auto& tables : all_tables) {
         for (const auto& table : tables) {
             files.push_back(folder / table.name);
             write_text(files.back(), table.text);
@@ -43,8 +46,6 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
             write_picture(figure.picture, files.back());
         }
     }
-    // Its links lead to what is there.
-    write_text(files.front(), to_html(comparison, pictures, origin, with_script));
     return files;
 }
 

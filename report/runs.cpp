@@ -15,7 +15,6 @@
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
-#include <type_traits>
 
 #include "cale/action.h"
 #include "cale/setting.h"
@@ -30,6 +29,9 @@ namespace {
 
 constexpr double kLongestIteration = 250'000;  // agent steps
 constexpr double kMostSteps = 1e15;
+
+/// The protocol of evaluations that a run made itself.
+constexpr std::string_view kOwnEvaluations = "the run's own";
 
 /// No result depends on these, or a report tells them apart anyway.
 constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
@@ -248,7 +250,7 @@ std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view 
 
 struct Evaluations {
     fs::path folder{};
-    std::string protocol = "the run's own";
+    std::string protocol{kOwnEvaluations};
 };
 
 /// "protocol fixed_episodes, games 100, epsilon 0.001, ..."; none where another game was played.
@@ -400,6 +402,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         read_training(run, episodes);
     } else {
         read_evaluations(run, evaluations_of(folder));
+        if (run.settings["evaluation"] != kOwnEvaluations) run.settings.erase("eval.noop_max");
         run.reached = run.steps.back();
         run.finished = run.finished && run.reached >= run.total_steps;
     }

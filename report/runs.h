@@ -50,7 +50,7 @@ struct Run {
     std::vector<double> scores{};
     std::int64_t games_in_score = 0;  // behind the last score
     bool finished = false;            // whether it took all the steps that it was to take
-    double reached = 0;               // agent steps that it took, as far as its files say
+    double reached = 0;               // agent steps that it took, or that were evaluated, as its files say
     double total_steps = 0;           // that it was to take; 0: not known
     bool in_sweep_list = false;       // see FoundRuns::missing
     // Why the score may not be what it is called: sentences that name the file.

@@ -32,7 +32,8 @@ constexpr TrainOption kOptions[] = {
     {"--until", "STEP", "pause at this agent step: write a checkpoint, to resume from, and leave"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
     {"--threads", "N",
-     "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it"},
+     "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it, and one "
+     "without pictures"},
     {"--no-progress", "", "no progress bar"},
     {"--print-config", "", "check the settings, print all of them as YAML, and leave"},
     {"--or", "",

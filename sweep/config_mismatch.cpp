@@ -63,11 +63,17 @@ std::string changes(const PlannedRun& planned, const Trained& trained) {
 }  // namespace
 
 std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
+    // In this order: a run that another process begins meanwhile has a checkpoint before it has results.
+    bool has_results = false;
+    try {
+        has_results = has_begun(folder);
+    } catch (const std::exception& error) {
+        return fmt::format("its folder cannot be read: {}", error.what());
+    }
     const auto step = newest_checkpoint(folder);
-    if (!step && has_begun(folder))
+    if (!step && has_results)
         return "it holds results and no checkpoint to resume from, and starting it again would delete them; "
-               "move "
-               "its folder away, or give the sweep another --dir";
+               "move its folder away, or give the sweep another --dir";
     if (!step) return "";
     try {
         const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),

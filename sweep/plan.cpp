@@ -225,6 +225,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
     }
 
     std::set<std::pair<std::string, std::string>> roms;
+    std::set<std::pair<std::string, const SettingTexts*>> checked;  // games with what they are played with
     std::vector<PlannedRun> planned;
     for (const auto& run : sweep.runs) {
         const auto& program = programs.at(run.agent);
@@ -233,7 +234,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         const auto* rom_dir = planned_value(next, "env.rom_dir");
         const auto rom = std::pair(run.game, rom_dir != nullptr ? *rom_dir : "");
         if (roms.insert(rom).second) check_rom(run, rom.second);
-        check_game(sweep, next);
+        if (checked.emplace(run.game, next.base.get()).second) check_game(sweep, next);
 
         const auto integer = [&](std::string_view key) {
             const auto* text = planned_value(next, key);

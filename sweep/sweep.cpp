@@ -67,6 +67,11 @@ void check_folder(const fs::path& folder) {
                       "it cannot be read: " + std::error_code(errno, std::generic_category()).message());
 }
 
+/// Whether the sweep file may have more runs than this call, as the tasks of a job array have.
+bool asks_for_a_part(const SweepOptions& options) {
+    return !options.overrides.empty() || !options.only.empty();
+}
+
 /// With a list of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
 /// that are missing (kSweepList in report/runs.h). `extends`: those that were listed before stay.
 void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool extends) {
@@ -98,11 +103,13 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
                    .total_steps = planned.total_steps};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
-        if (row.status.state == RunPhase::refused || row.status.state == RunPhase::failed) {
+        if (row.status.state == RunPhase::refused) {
             exit_code = 1;
         } else if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
             row.state = in_queue->second;
             if (row.state == "running") row.status.state = RunPhase::running;
+        } else if (row.status.state == RunPhase::failed) {
+            exit_code = 1;
         }
         rows.push_back(row);
     }
@@ -164,7 +171,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
         fmt::print(out, "{}{}", names.empty() ? "" : slurm_script(folder, names, memory, slurm), refused);
         return exit_code;
     }
-    make_folder(folder, all_runs, !options.overrides.empty());
+    make_folder(folder, all_runs, asks_for_a_part(options));
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
     fmt::print(out, "{}", refused);
@@ -227,7 +234,7 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
         return show_commands(next, folder, options, slots.slots.front().device, out);
     }
-    make_folder(folder, all_runs, !options.overrides.empty());
+    make_folder(folder, all_runs, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
     search.train = [&](std::span<const PlannedRun> some) {

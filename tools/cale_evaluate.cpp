@@ -59,8 +59,7 @@ struct Options {
 void set_environment(EnvConfig& env, const Options& options) {
     for (const auto& setting : options.settings) {
         if (setting.starts_with("env.noop_max="))
-            throw ConfigError(
-                fmt::format("--set {}: no-ops are a part of the protocol; give --noop-max", setting));
+            throw ConfigError(fmt::format("--set {}: no-ops are given by --noop-max", setting));
     }
     set_environment(env, options.settings);
 }

@@ -193,7 +193,7 @@ void Recorder::begin() {
     if (resumed_ == nullptr || options_.changed) {
         write_checkpoint();
         // Before the first row, which without a checkpoint could not be resumed.
-        if (files_) files_->checkpoints.finish();
+        if (files_ && resumed_ == nullptr) files_->checkpoints.finish();
     }
     if (state_.evaluation_due) {
         state_.evaluation_due = !run_evaluation();

@@ -1,6 +1,7 @@
 #include "train/resume.h"
 
 #include <algorithm>
+#include <stdexcept>
 #include <string_view>
 #include <system_error>
 
@@ -23,6 +24,15 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
     return number_in<std::int64_t>(name);
 }
 
+/// Whether both spell the same games. Worlds that are no Atari games have others.
+bool same_games(std::string_view a, std::string_view b) {
+    try {
+        return game_names(a) == game_names(b);
+    } catch (const std::invalid_argument&) {
+        return false;
+    }
+}
+
 }  // namespace
 
 std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
@@ -31,7 +41,7 @@ std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
 
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run) {
-    if (key == "env.game" && game_names(before) == game_names(now)) return "";
+    if (key == "env.game" && same_games(before, now)) return "";
     const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();
     if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
     return fmt::format("{} was {} and is now {}{}", key, before, now,

@@ -29,6 +29,7 @@ TEST(Settings, AreComparedByValueNotByText) {
     EXPECT_FALSE(same_value("3-4", "3"));
     EXPECT_FALSE(same_value("1e-4", "1e-5"));
     EXPECT_FALSE(same_value("4294967295", "4294967294"));
+    EXPECT_FALSE(same_value("9223372036854775807", "9223372036854775806"));
     EXPECT_FALSE(same_value("true", "false"));
     EXPECT_FALSE(same_value("none", "0"));
     EXPECT_FALSE(same_value("huber", "mse"));

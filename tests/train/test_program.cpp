@@ -758,7 +758,7 @@ TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
     };
     const std::string note = "cale evaluate: env.terminal_on_life_loss=false is not applied: ";
     EXPECT_EQ(cale_says("evaluate run --out no --set env.noop_max=3", folder.path()).text,
-              "cale evaluate: --set env.noop_max=3: no-ops are a part of the protocol; give --noop-max\n");
+              "cale evaluate: --set env.noop_max=3: no-ops are given by --noop-max\n");
     EXPECT_THAT(evaluated("as_trained", ""), testing::Not(testing::HasSubstr(note)));
     EXPECT_THAT(evaluated("set", " --set env.terminal_on_life_loss=false"), testing::HasSubstr(note));
     const auto games = read_file(folder.path() / "as_trained" / "evaluation.csv");

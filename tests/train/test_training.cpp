@@ -417,11 +417,14 @@ TEST_F(TrainingEmulator, CanGoOnFromTheFirstStep) {
     struct Killed {};
     struct KilledAgent : ScribeAgent {
         using ScribeAgent::ScribeAgent;
+        std::filesystem::path run;
         torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            EXPECT_THAT(list_checkpoints(run), testing::SizeIs(1)) << "before the first step";
             if (steps == 3) throw Killed();
             return ScribeAgent::act(observations, mode);
         }
     } killed(1);
+    killed.run = folder.path();
     EXPECT_THROW(train(killed), Killed);
     ASSERT_EQ(list_checkpoints(folder.path()).size(), 1u);
     options.resume = true;
