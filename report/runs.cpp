@@ -400,15 +400,6 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
                                          : "no game of its training has ended");
         check_episodes(run, episodes, progress);
         read_training(run, episodes);
-    } else {
-        read_evaluations(run, evaluations_of(folder));
-        if (run.settings["evaluation"] != kOwnEvaluations) run.settings.erase("eval.noop_max");
-        run.reached = run.steps.back();
-        run.finished = run.finished && run.reached >= run.total_steps;
-    }
-    for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
-    run.zones = zones_in(progress.rows);
-    if (kind == ScoreKind::training) {
         run.settings.erase("eval.noop_max");
         if (const auto file = folder / "joystick_events.csv"; fs::exists(file))
             run.event_shares = read_event_shares(file);
@@ -418,12 +409,18 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
             run.doubts.push_back(
                 fmt::format("{}: its rewards are left out: {}", folder.string(), error.what()));
         }
-        return run;
+    } else {
+        const auto evaluations = evaluations_of(folder);
+        read_evaluations(run, evaluations);
+        if (evaluations.protocol != kOwnEvaluations) run.settings.erase("eval.noop_max");
+        run.reached = run.steps.back();
+        run.finished = run.finished && run.reached >= run.total_steps;
+        if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty())
+            run.event_shares = read_event_shares(files.back());
+        read_rewards(run, evaluations.folder);
     }
-    const auto evaluated = evaluations_of(folder).folder;
-    if (const auto files = evaluation_files(evaluated, "_events.csv"); !files.empty())
-        run.event_shares = read_event_shares(files.back());
-    read_rewards(run, evaluated);
+    for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
+    run.zones = zones_in(progress.rows);
     return run;
 }
 

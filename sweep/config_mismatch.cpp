@@ -99,7 +99,7 @@ RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
     return status;
 }
 
-std::string refusal(const PlannedRun& planned, const fs::path& folder) {
+std::string refused_line(const PlannedRun& planned, const fs::path& folder) {
     const auto reason = config_mismatch(planned, folder);
     return reason.empty() ? "" : fmt::format("# refused: {}: {}\n", planned.run.name, reason);
 }

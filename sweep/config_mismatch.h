@@ -18,7 +18,7 @@ namespace cale {
 std::string config_mismatch(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Returns the line "# refused: ..." with that reason; empty if there is none.
-std::string refusal(const PlannedRun& planned, const std::filesystem::path& folder);
+std::string refused_line(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Where the planned run stands, RunPhase::refused among the answers.
 RunStatus status_of(const PlannedRun& planned, const std::filesystem::path& folder);

@@ -249,7 +249,8 @@ void check_search(const Search& search) {
 
 bool refuse_others(const Search& search, std::FILE* out) {
     std::string refused;
-    for (const auto& planned : search.runs) refused += refusal(planned, search.folder / planned.run.name);
+    for (const auto& planned : search.runs)
+        refused += refused_line(planned, search.folder / planned.run.name);
     fmt::print(out, "{}", refused);
     return !refused.empty();
 }

@@ -123,7 +123,7 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
-        if (const auto refused = refusal(planned, place.folder); !refused.empty()) {
+        if (const auto refused = refused_line(planned, place.folder); !refused.empty()) {
             fmt::print(out, "{}", refused);
             exit_code = 1;
         } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
@@ -161,7 +161,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     std::vector<std::string> names;
     std::string refused;
     for (const auto& planned : runs) {
-        const auto line = refusal(planned, folder / planned.run.name);
+        const auto line = refused_line(planned, folder / planned.run.name);
         if (line.empty()) names.push_back(planned.run.name);
         refused += line;
     }

@@ -10,7 +10,7 @@
 namespace cale {
 namespace {
 
-/// An episode of three steps; action 7 is none.
+/// An episode of three steps; action 7 is invalid.
 struct Counting {
     explicit Counting(std::uint32_t) {}
     static ActionSpace action_space() { return Discrete{7}; }
