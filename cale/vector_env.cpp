@@ -254,7 +254,8 @@ void VectorEnv::reset(std::int64_t index, std::span<std::uint8_t> frame) {
     impl_->envs.at(static_cast<std::size_t>(index))->reset(frame);
 }
 void VectorEnv::renew(std::int64_t index, std::uint32_t seed) {
-    impl_->envs.at(static_cast<std::size_t>(index)).emplace(config_of(impl_->config, index), seed);
+    // First made, then put there: where it cannot be made, the old one stays.
+    impl_->envs.at(static_cast<std::size_t>(index)) = Env(config_of(impl_->config, index), seed);
 }
 
 void VectorEnv::reset(std::span<std::uint8_t> frames) {

@@ -119,8 +119,11 @@ void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state)
     const auto known = [&](const torch::Tensor& ids) {
         return ((ids >= kBlankFrame) & (ids < frames.size(0))).all().item<bool>();
     };
+    // The newest frame of an element's observation is the one that its action was chosen on.
+    const auto acted_on = element_frames.select(1, 0).select(1, config.stack - 1);
     if (count > config.length || surplus < 0 || surplus >= config.length || !known(element_frames) ||
-        !known(window_frames) || window_frames.size(0) > accumulator_.max_steps())
+        (acted_on == kBlankFrame).any().item<bool>() || !known(window_frames) ||
+        window_frames.size(0) > accumulator_.max_steps())
         throw std::runtime_error("the parts of a stored rollout contradict each other");
 
     clear();

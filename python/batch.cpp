@@ -164,8 +164,8 @@ void Batch::reset(std::span<const std::optional<std::uint32_t>> seeds, std::span
         const auto i = static_cast<std::size_t>(index);
         if (mask[i]) {
             if (seeds[i] && !first) {
-                states_[i] = {};
                 envs_->renew(index, *seeds[i]);
+                states_[i] = {};
             }
             begin_episode(i, new_game);
         }

@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cale/setting.h"
 #include "cale/text.h"
 #include "settings/agent_of_config.h"
 #include "settings/versions.h"
@@ -74,12 +75,13 @@ void check_threads(const std::string& threads) {
 }
 
 std::int64_t agent_step(const std::string& until) {
-    auto digits = until;
-    std::erase(digits, '_');
-    const auto step = number_in<std::int64_t>(digits);
-    if (!step || *step < 1)
-        throw ConfigError(fmt::format("--until must be an agent step from 1, not '{}'", until));
-    return *step;
+    std::int64_t step = 0;
+    try {
+        read_setting("--until", {.low = 1}, until, &step);
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+    return step;
 }
 
 std::string unknown_option(std::string_view argument, const ConfigTable& table) {

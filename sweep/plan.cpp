@@ -15,6 +15,7 @@
 #include "cale/env.h"
 #include "report/runs.h"
 #include "settings/config.h"
+#include "settings/shell_text.h"
 #include "sweep/shell.h"
 
 namespace cale {

@@ -1,13 +1,9 @@
 // Running other programs and reading their output.
 #pragma once
 
-#include <span>
 #include <string>
 
 namespace cale {
-
-/// Arguments as text that a shell reads to the same arguments.
-std::string shell_text(std::span<const std::string> arguments);
 
 struct Answer {
     int status = 0;  // of the shell, as waitpid() has it; 0: well

@@ -10,6 +10,7 @@
 
 #include "cale/text.h"
 #include "settings/config.h"
+#include "settings/shell_text.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"

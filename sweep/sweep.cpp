@@ -13,13 +13,13 @@
 #include <unistd.h>
 
 #include "settings/config.h"
+#include "settings/shell_text.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/local_runner.h"
 #include "sweep/plan.h"
 #include "sweep/run_folder.h"
 #include "sweep/search.h"
-#include "sweep/shell.h"
 #include "sweep/slurm.h"
 #include "sweep/sweep_file.h"
 #include "sweep/table.h"

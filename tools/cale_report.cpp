@@ -20,8 +20,8 @@
 #include "report/recorded_runs.h"
 #include "report/report.h"
 #include "report/tables.h"
+#include "settings/shell_text.h"
 #include "settings/versions.h"
-#include "sweep/shell.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 

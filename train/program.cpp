@@ -18,6 +18,7 @@
 #include "agents/process.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
+#include "settings/shell_text.h"
 #include "storage/files.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
@@ -59,7 +60,7 @@ ProcessGroup join_processes(const std::optional<ProcessRank>& place, const Train
 }
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
-std::optional<ProcessRank> find_place(const TrainingProgram& program) {
+std::optional<ProcessRank> find_place(const TrainingProgram& program, const TrainingWorld& world) {
     std::optional<ProcessRank> place;
     try {
         place = rank_from_environment();
@@ -77,6 +78,14 @@ std::optional<ProcessRank> find_place(const TrainingProgram& program) {
         throw ConfigError(fmt::format(
             "env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; make it a multiple",
             program.num_envs, place->size));
+    }
+    const auto games = std::max<std::int64_t>(1, std::ssize(world.games));
+    const auto share = program.num_envs / place->size;
+    if (share % games != 0) {
+        throw ConfigError(fmt::format(
+            "env.num_envs is {}, {} for each of WORLD_SIZE={} processes, in which the {} games of env.game "
+            "need as many environments each; make it a multiple of {}",
+            program.num_envs, share, place->size, games, games * place->size));
     }
     return place;
 }
@@ -109,6 +118,14 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     // them time enough on all (docs/performance.md).
     const bool steps_wait = program.settings.train.overlap || program.settings.train.realtime;
     return measured_threads(steps_wait && !program.learns_beside ? std::max(1, cores - env_threads) : cores);
+}
+
+/// The first process's number in all of them: the run's record has one, and sums on another number of
+/// threads round differently.
+int threads_of_all(int threads, const ProcessGroup& processes) {
+    auto of_the_first = torch::tensor(processes.first() ? std::int64_t{threads} : 0, torch::kInt64);
+    processes.sum({of_the_first});
+    return of_the_first.item<int>();
 }
 
 /// 1234567 as "1,234,567".
@@ -206,12 +223,6 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
     }
     check_length(program, run_dir);
     return different;
-}
-
-std::string joined(int argc, const char* const* argv) {
-    std::string command;
-    for (int i = 0; i < argc; ++i) command += fmt::format("{}{}", i > 0 ? " " : "", argv[i]);
-    return command;
 }
 
 /// Returns the metadata of a run that is to be resumed. Throws ResumeError if they are damaged.
@@ -389,7 +400,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 
     prepare_process_for_training();
     const TrainingWorld world = make_world(program);
-    const auto place = find_place(program);
+    const auto place = find_place(program, world);
     const torch::Device device = choose_device(line.device, place);
     // What LibTorch allocates without an explicit device, such as pinned memory, belongs to the current one.
     if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
@@ -399,7 +410,8 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
-    const int threads = choose_threads(line, program, world, resumed, run_dir, place ? place->local_size : 1);
+    const int threads = threads_of_all(
+        choose_threads(line, program, world, resumed, run_dir, place ? place->local_size : 1), processes);
     at::set_num_threads(threads);
     const AgentSpec spec = checked_spec(program, world, processes, device);
 
@@ -418,7 +430,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);
-    const Session session{.command = joined(argc, argv),
+    const Session session{.command = shell_text(std::vector<std::string>(argv, argv + argc)),
                           .device = device.str(),
                           .threads = threads,
                           .processes = static_cast<int>(processes.size())};

@@ -266,12 +266,15 @@ void Recorder::write_episode(const Episode& episode) {
     files_->events->write(episode.global_step, scalars);
 }
 
-/// The steps since the last row. After the checkpoint, which does not count this row: a run that is
-/// resumed from it has the rows that it would have without the interruption.
+/// The steps since the last row. Checkpoints do not count it: a run that is resumed from one has the rows
+/// that it would have without the interruption.
 void Recorder::write_last_row() {
     if (!files_ || state_.step <= files_->progress.last_step()) return;
+    const auto reported = state_.reported_events;
     // TensorBoard cannot forget a value of the step that a run is resumed from.
     write_row(/*to_tensorboard=*/state_.step >= settings_.train.total_steps);
+    state_.reported_events = reported;
+    uncounted_rows_ = 1;
     files_->progress.sync();
 }
 
@@ -351,7 +354,7 @@ void Recorder::write_checkpoint() {
     files_->progress.sync();
     state_.seconds = files_->stopwatch.seconds();
     state_.episodes_offset = files_->episodes.offset();
-    state_.progress_rows = files_->progress.rows();
+    state_.progress_rows = files_->progress.rows() - uncounted_rows_;
     RunSnapshot snapshot{
         .state = state_, .agent = agent_.state(), .games = collector_.state(), .config = options_.config};
     snapshot.policy = policy_snapshot();

@@ -1,13 +1,17 @@
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 #include <numeric>
+#include <stdexcept>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cale/games.h"
 #include "cale/vector_env.h"
 #include "message_of.h"
 #include "support/golden.h"
+#include "support/temporary_folder.h"
 
 namespace {
 
@@ -183,6 +187,22 @@ TEST(EmulatorVectorEnv, StepsItsEnvironmentsByThemselvesToo) {
         EXPECT_EQ(crowd.envs.env(i).frame_number(), frame_number);
         EXPECT_EQ(crowd.envs.record(i), record);
     }
+}
+
+TEST(EmulatorVectorEnv, AnEnvironmentThatCannotBeMadeAnewStaysAsItIs) {
+    const test::TemporaryFolder roms;
+    const auto rom = roms.path() / "pong.bin";
+    std::filesystem::copy(cale::find_rom("pong", ""), rom);
+    auto config = config_of(1, 1);
+    config.game = "pong";
+    config.rom_dir = roms.path().string();
+    Crowd crowd(config);
+    crowd.step(0);
+    const auto before = crowd.envs.record(0);
+    std::filesystem::remove(rom);
+    EXPECT_THROW(crowd.envs.renew(0, 1), std::runtime_error);
+    EXPECT_EQ(crowd.envs.record(0), before);
+    crowd.step(1);
 }
 
 TEST(EmulatorVectorEnv, ChecksActions) {

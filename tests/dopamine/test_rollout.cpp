@@ -79,6 +79,14 @@ TEST(DopamineRollout, WhatDoesNotFitComesToLieInFront) {
                                               {0, 4, 5, 6}}));
 }
 
+TEST(DopamineRollout, ElementsOfNoFrameAreRefused) {
+    auto rollout = seven_steps(9);
+    auto state = rollout.state();
+    rollout.restore(state);
+    state.at("element_frames")[3][0][kStack - 1] = kBlankFrame;
+    EXPECT_THROW(rollout.restore(state), std::runtime_error);
+}
+
 TEST(DopamineRollout, IsForOneEnvironment) {
     EXPECT_THROW(DopamineRollout({.num_envs = 2}), std::invalid_argument);
 }

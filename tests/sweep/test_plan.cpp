@@ -10,6 +10,7 @@
 
 #include "fake_program.h"
 #include "settings/config.h"
+#include "settings/shell_text.h"
 #include "sweep/shell.h"
 
 namespace cale {

@@ -122,6 +122,12 @@ TEST_F(DistributedEmulator, WhatCannotBeSharedIsRefused) {
     EXPECT_EQ(odd.code, 2);
     EXPECT_THAT(odd.first, HasSubstr("env.num_envs is 5, which WORLD_SIZE=2 processes cannot share equally"));
 
+    const auto games =
+        start_two(fmt::format("{} --run-dir {} env.game=pong,breakout env.num_envs=2", kSettings, dir));
+    EXPECT_EQ(games.code, 2);
+    EXPECT_THAT(games.first, HasSubstr("make it a multiple of 4"));
+    EXPECT_FALSE(std::filesystem::exists(run("refused") / "config.yaml"));
+
     const auto differ = start_two(fmt::format("{} --run-dir {}", kSettings, dir),
                                   fmt::format("{} --run-dir {} agent.gamma=0.5", kSettings, dir));
     EXPECT_EQ(differ.code, 1);

@@ -367,16 +367,17 @@ function connectKeys() {
     const commands = {
         KeyP: () => pause(!player.paused), KeyN: oneStep, KeyR: restart, KeyG: () => hand.giveBack(), Escape: () => hand.giveBack(),
     };
-    const handle = (event, down) => {
+    const press = (event) => {
         if (event.ctrlKey || event.metaKey || event.altKey || !session?.hasGame) return;
         // Fields, and buttons with the space bar, keep their keys.
         if (event.target.closest('input, select, summary')) return;
         if (event.code === 'Space' && event.target.closest('button')) return;
-        if (down && !event.repeat && commands[event.code]) return commands[event.code]();
-        if (hand.key(event.code, down)) event.preventDefault();
+        if (!event.repeat && commands[event.code]) return commands[event.code]();
+        if (hand.key(event.code, true)) event.preventDefault();
     };
-    document.addEventListener('keydown', (event) => handle(event, true));
-    document.addEventListener('keyup', (event) => handle(event, false));
+    document.addEventListener('keydown', press);
+    // Wherever and with whatever other keys: what is not let go of stays pressed.
+    document.addEventListener('keyup', (event) => hand.key(event.code, false));
 }
 
 async function main() {
