@@ -18,7 +18,7 @@ AGENTS = {
     "der__config=ram100k_joystick": "joystick Rainbow",
     "sac__config=atari100k__encoder=mlp": "the paper's SAC",
     "sac__config=atari100k_plus": "SAC plus",
-    "sac__config=atari100k_plus__critic_atoms=51": "SAC plus with critics of distributions",
+    "sac__config=atari100k_plus__critic_atoms=1": "SAC plus with critics of the mean",
     "der__action_latency=0__config=ram100k_joystick": "no latency",
     "der__action_latency=4__config=ram100k_joystick": "latency 4",
     "der__action_latency=0-8__config=ram100k_joystick": "latency 0-8",
