@@ -17,7 +17,9 @@ namespace cale {
 namespace {
 
 constexpr double kFramesPerSecond = 60;
-constexpr double kLongestLog = 600;       // seconds
+constexpr double kLongestLog = 600;  // seconds
+constexpr double kRounding =
+    5.1e-4;  // seconds that a row's time may be off by, which is given to the millisecond
 constexpr std::size_t kMostLatency = 60;  // frames
 constexpr double kSlowest = 0.001, kFastest = 2, kLightest = 0.05, kHeaviest = 5;
 
@@ -183,7 +185,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
          ++frame) {
         // The frame's command is what is known at its beginning; the position is that of its end.
         const auto row_at = [&](double seconds) {
-            while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + 1e-9) ++row;
+            while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;
             return row;
         };
         log.told.push_back(rows.told[row_at(static_cast<double>(frame - 1) / kFramesPerSecond)]);

@@ -8,7 +8,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/text.h"
 #include "storage/files.h"
+#include "sweep/run_folder.h"
 #include "sweep/settings.h"
 #include "train/checkpoint.h"
 #include "train/resume.h"
@@ -71,6 +73,11 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
         return fmt::format("its folder cannot be read: {}", error.what());
     }
     const auto step = newest_checkpoint(folder);
+    if (const auto strange = step ? "" : strange_file(folder); !strange.empty())
+        return fmt::format(
+            "its folder has no checkpoint and holds '{}', which starting the run would delete; "
+            "move that away, or give the sweep another --dir",
+            printable(strange));
     if (!step && has_results)
         return "it holds results and no checkpoint to resume from, and starting it again would delete them; "
                "move its folder away, or give the sweep another --dir";

@@ -108,6 +108,22 @@ RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evalu
     return status;
 }
 
+std::string strange_file(const fs::path& folder) {
+    constexpr std::array<std::string_view, 9> kBegun = {
+        kOutput,        kFailure,       "config.yaml",         "metadata.json",      "checkpoints",
+        "progress.csv", "episodes.csv", "joystick_events.csv", "events.out.tfevents"};
+    const auto is_begun = [&](const std::string& name) {
+        return name.starts_with('.') || name.find(".tmp-") != name.npos ||
+               std::ranges::any_of(kBegun, [&](auto begun) {
+                   return name == begun || (begun == kBegun.back() && name.starts_with(begun));
+               });
+    };
+    std::error_code ignored;
+    for (const auto& item : fs::directory_iterator(folder, ignored))
+        if (const auto name = item.path().filename().string(); !is_begun(name)) return name;
+    return "";
+}
+
 void prepare_for_start(const fs::path& folder) {
     fs::create_directories(folder);
     for (const auto& item : fs::directory_iterator(folder)) {

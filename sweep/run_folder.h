@@ -33,6 +33,10 @@ RunStatus status_of(const std::filesystem::path& folder, std::int64_t total_step
 /// Agent steps of the newest checkpoint; none where there is no checkpoint.
 std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& folder);
 
+/// Returns the name of something in the folder that no run has before its first checkpoint, or empty: a user
+/// put it there, or it is a result.
+std::string strange_file(const std::filesystem::path& folder);
+
 /// Makes the folder, or empties one whose run came to no checkpoint, for the program to start in. What the
 /// run wrote to its terminal (output.log) stays.
 void prepare_for_start(const std::filesystem::path& folder);

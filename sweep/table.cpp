@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kNarrowestName = 16;
 /// state, step, steps/s, return and ETA with the spaces before them
-constexpr std::size_t kOtherColumns = 2 + 11 + 2 + 21 + 2 + 9 + 2 + 9 + 2 + 9;
+constexpr std::size_t kOtherColumns = 2 + 11 + 2 + 17 + 2 + 8 + 2 + 9 + 2 + 8;
 
 /// "Breakout__sac__enco...=standard__1"
 std::string shortened(const std::string& text, std::size_t width) {
@@ -64,11 +64,11 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
     for (const auto& row : rows) widest = std::max(widest, row.name.size());
     const auto room = width > kOtherColumns + kNarrowestName ? width - kOtherColumns : kNarrowestName;
     const auto column = std::min(widest, room);
-    std::string text = fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", "run", column, "state",
+    std::string text = fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", "run", column, "state",
                                    "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
         const bool running = row.status.state == RunPhase::running;
-        text += fmt::format("{:<{}}  {:<11}  {:>21}  {:>9}  {:>9}  {:>9}\n", shortened(row.name, column),
+        text += fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column),
                             column, row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
                             running && row.status.steps_per_second > 0
                                 ? fmt::format("{:.1f}", row.status.steps_per_second)

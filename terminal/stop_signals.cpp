@@ -1,5 +1,7 @@
 #include "terminal/stop_signals.h"
 
+#include <cstddef>
+
 namespace cale {
 namespace {
 
@@ -12,17 +14,18 @@ StopSignals::StopSignals() {
     struct sigaction action = {};
     action.sa_handler = [](int signal) {
         requested = signal;
-        std::signal(SIGINT, SIG_DFL);
-        std::signal(SIGTERM, SIG_DFL);
+        for (const int next : kSignals) std::signal(next, SIG_DFL);
     };
     action.sa_flags = SA_RESTART;  // so that a checkpoint being written continues
-    sigaction(SIGINT, &action, &before_interrupt_);
-    sigaction(SIGTERM, &action, &before_terminate_);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) {
+        sigaction(kSignals[i], nullptr, &before_[i]);
+        if (kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
+        sigaction(kSignals[i], &action, nullptr);
+    }
 }
 
 StopSignals::~StopSignals() {
-    sigaction(SIGINT, &before_interrupt_, nullptr);
-    sigaction(SIGTERM, &before_terminate_, nullptr);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
 }
 
 bool stop_requested() {
@@ -31,7 +34,7 @@ bool stop_requested() {
 
 std::string_view stop_signal() {
     if (!stop_requested()) return {};
-    return requested == SIGINT ? "SIGINT" : "SIGTERM";
+    return requested == SIGINT ? "SIGINT" : requested == SIGHUP ? "SIGHUP" : "SIGTERM";
 }
 
 }  // namespace cale

@@ -1,13 +1,15 @@
 // Stopping a run by a signal.
 #pragma once
 
+#include <array>
 #include <csignal>
 #include <string_view>
 
 namespace cale {
 
-/// While it exists, the first SIGINT or SIGTERM makes stop_requested() true; the next one, of either, kills
-/// the process. Only one may exist at a time.
+/// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next one, of any,
+/// kills the process. A SIGHUP that was ignored before, as under nohup, stays so. Only one may exist at a
+/// time.
 class StopSignals {
   public:
     StopSignals();
@@ -16,13 +18,13 @@ class StopSignals {
     StopSignals& operator=(const StopSignals&) = delete;
 
   private:
-    struct sigaction before_interrupt_ = {};
-    struct sigaction before_terminate_ = {};
+    static constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP};
+    std::array<struct sigaction, kSignals.size()> before_ = {};
 };
 
 /// Since the newest StopSignals began.
 bool stop_requested();
-/// Returns the name of the received signal, "SIGINT" or "SIGTERM"; empty if none.
+/// Returns the name of the received signal, such as "SIGINT"; empty if none.
 std::string_view stop_signal();
 
 }  // namespace cale

@@ -249,7 +249,7 @@ void add_report(CLI::App& app) {
         "  cale report runs/encoders --web\n"
         "  cale report runs/sac runs/der --baselines der_100k_vanhasselt2019,spr_100k_rliable\n"
         "  cale report runs/sac --baselines cale\n"
-        "  cale report sweeps/encoders --score evaluation --group-by agent.encoder\n"
+        "  cale report runs/encoders --score evaluation --group-by agent.encoder\n"
         "\n"
         "Exit codes: 0 done, 1 failed, or incomplete with --strict, 2 usage.");
     command.callback([options] { report(*options); });

@@ -108,6 +108,17 @@ TEST_F(StickLogs, AreResampledAtTheConsolesFrames) {
     EXPECT_EQ(log.told[30].x, -1);  // at 30/60
 }
 
+TEST_F(StickLogs, OfTimesInMillisecondsAreReadFrameByFrame) {
+    // A row for every frame, whose time is rounded: the command changes with the row, not a frame later.
+    std::string text = "seconds,command_x,command_y,x,y\n";
+    for (int row = 0; row <= 60; ++row)
+        text += fmt::format("{:.3f},{},0,{},0\n", row / 60.0, row % 7 < 3 ? 1 : -1, row > 0 ? 0.5 : 0);
+    const auto log = read_stick_log(folder_.write("log.csv", text));
+    ASSERT_EQ(log.told.size(), 60u);
+    for (std::size_t frame = 0; frame < 60; ++frame)
+        EXPECT_EQ(log.told[frame].x, frame % 7 < 3 ? 1 : -1) << frame;
+}
+
 TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
     const std::string header = "seconds,command_x,command_y,x,y\n";
     EXPECT_THAT(

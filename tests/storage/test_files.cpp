@@ -33,6 +33,18 @@ TEST(Files, WriteAndReadAgain) {
     EXPECT_EQ(folder.file_count(), 1u);
 }
 
+TEST(Files, ALinkStaysOneAndADeviceToo) {
+    const test::TemporaryFolder folder;
+    write_file_atomically(folder.path() / "file", "old");
+    std::filesystem::create_symlink("file", folder.path() / "link");
+    write_file_atomically(folder.path() / "link", "new");
+    EXPECT_TRUE(std::filesystem::is_symlink(folder.path() / "link"));
+    EXPECT_EQ(read_file(folder.path() / "file"), "new");
+    ASSERT_EQ(::mkfifo((folder.path() / "pipe").c_str(), 0600), 0);
+    EXPECT_THROW(write_file_atomically(folder.path() / "pipe", "new"), std::runtime_error);
+    EXPECT_TRUE(std::filesystem::is_fifo(folder.path() / "pipe"));
+}
+
 TEST(Files, PiecesAreJoined) {
     TemporaryFolder folder;
     const std::array<std::string_view, 3> pieces{"one", "", "two"};

@@ -106,6 +106,15 @@ TEST_F(Refusal, ResultsWhoseCheckpointsAreGoneAreNotStartedOver) {
     EXPECT_EQ(status_of(planned_, folder_ / "run").state, RunPhase::refused);
 }
 
+TEST_F(Refusal, WhatAUserPutIntoARunsFolderIsNotDeleted) {
+    for (const auto* begun : {"run/config.yaml", "run/metadata.json", "run/output.log", "run/.lock",
+                              "run/events.out.tfevents.1.vm.2", "run/config.yaml.tmp-1-0"})
+        folder_.write(begun, "");
+    EXPECT_EQ(reason(), "");
+    folder_.write("run/notes.txt", "");
+    EXPECT_THAT(reason(), HasSubstr("its folder has no checkpoint and holds 'notes.txt'"));
+}
+
 TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {
     fs::create_directories(folder_ / "run/checkpoints/step_000000100");
     EXPECT_THAT(reason(), HasSubstr("run/config.yaml': No such file or directory); put it back, or remove"));

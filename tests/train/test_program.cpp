@@ -206,7 +206,7 @@ TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
 TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
     struct Stopping : Walk {
         torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (++decisions == 5) raise(SIGTERM);
+            if (++decisions == 5) raise(SIGHUP);
             return Walk::act(observations, mode);
         }
         int decisions = 0;
@@ -216,6 +216,7 @@ TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
             throw std::runtime_error("the actor's output is not finite");
         }
     };
+    std::signal(SIGHUP, SIG_DFL);  // under nohup it is ignored, and stays so
     const TemporaryFolder folder;
     const auto run = [&](const std::string& name, auto make) {
         const auto code = train("walk", +make,
@@ -230,7 +231,7 @@ TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
                   [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
                       return std::make_unique<Stopping>();
                   }),
-              "130: SIGTERM");
+              "130: SIGHUP");
     EXPECT_EQ(run("failed",
                   [](const WalkConfig&, const AgentSpec&) -> std::unique_ptr<Agent> {
                       return std::make_unique<Failing>();
