@@ -73,7 +73,7 @@ TEST(SweepTable, IsNoWiderThanTheTerminal) {
         std::istringstream lines(table(rows, width));
         for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), width) << line;
     }
-    EXPECT_THAT(table(rows, 100), testing::HasSubstr("..._greedy__12345  ")) << "the seed tells runs apart";
+    EXPECT_THAT(table(rows, 100), testing::HasSubstr("greedy__12345  ")) << "the seed tells runs apart";
 }
 
 }  // namespace

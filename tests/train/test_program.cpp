@@ -216,7 +216,7 @@ TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
             throw std::runtime_error("the actor's output is not finite");
         }
     };
-    std::signal(SIGHUP, SIG_DFL);  // under nohup it is ignored, and stays so
+    ::signal(SIGHUP, SIG_DFL);  // under nohup it is ignored, and stays so
     const TemporaryFolder folder;
     const auto run = [&](const std::string& name, auto make) {
         const auto code = train("walk", +make,
