@@ -111,8 +111,8 @@ std::string lower(std::string_view text) {
 
 std::string nearest(std::string_view text, std::span<const std::string> candidates) {
     std::string best;
-    // A third of the letters may be wrong, and two always.
-    std::size_t limit = std::max<std::size_t>(2, text.size() / 3) + 1;
+    // A third of the letters may be wrong, and one always.
+    std::size_t limit = std::max<std::size_t>(1, text.size() / 3) + 1;
     for (const auto& candidate : candidates) {
         const auto distance = edit_distance(lower(text), lower(candidate));
         // Nothing in common is no misspelling, however short.

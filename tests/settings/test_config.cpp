@@ -652,6 +652,7 @@ TEST(Nearest, FindsMisspellingsOnly) {
     EXPECT_EQ(nearest("gama", words), "game");  // the first of equals
     EXPECT_EQ(nearest("game", words), "game");
     EXPECT_EQ(nearest("xyzxyz", words), "");
+    EXPECT_EQ(nearest("loss", std::vector<std::string>{"obs"}), "") << "half of a word is no mistake";
     EXPECT_EQ(nearest("", words), "");
     EXPECT_EQ(nearest("ab", std::vector<std::string>{"cd"}), "");
     EXPECT_EQ(nearest("a", std::vector<std::string>{}), "");

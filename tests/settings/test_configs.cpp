@@ -33,9 +33,16 @@ class ConfigurationsSlow : public testing::TestWithParam<fs::path> {};
 TEST_P(ConfigurationsSlow, RunsTwoHundredSteps) {
     const test::TemporaryFolder folder;
     const auto run = folder.path() / "run";
-    const auto agent = agent_of(GetParam());
-    std::string command = CALE_BINARY_DIR "/train_" + agent + " --config " + GetParam().string() +
-                          " --run-dir " + run.string() + " --threads 1 --no-progress --seed 3";
+    auto agent = agent_of(GetParam());
+    auto configuration = GetParam().string();
+    if (agent == "env") {  // an agent's file is extended with it
+        agent = "sac";
+        configuration =
+            folder.write("extended.yaml", "extends: [" CALE_SOURCE_DIR "/configs/sac/atari100k.yaml, " +
+                                              configuration + "]\n");
+    }
+    std::string command = CALE_BINARY_DIR "/train_" + agent + " --config " + configuration + " --run-dir " +
+                          run.string() + " --threads 1 --no-progress --seed 3";
     const std::string of_agent = agent == "ppo"
                                      ? "agent.rollout_steps=64 agent.minibatch_size=16"
                                      : "agent.min_replay=180 agent.replay_capacity=1000 agent.batch_size=4";
