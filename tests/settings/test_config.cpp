@@ -218,8 +218,8 @@ TEST_F(Config, Enumerations) {
 TEST_F(Config, NamesInCapitalsAreMisspelled) {
     EXPECT_EQ(set_error("fruit.flavour", "BITTER"),
               "fruit.flavour must be one of sweet, sour, bitter, not 'BITTER'; did you mean 'bitter'?");
-    EXPECT_EQ(set_error("fruit.flavour", "Sower"),
-              "fruit.flavour must be one of sweet, sour, bitter, not 'Sower'; did you mean 'sour'?");
+    EXPECT_EQ(set_error("fruit.flavour", "Sowr"),
+              "fruit.flavour must be one of sweet, sour, bitter, not 'Sowr'; did you mean 'sour'?");
     EXPECT_EQ(override_error("FRUIT.Weight=1"),
               "--set FRUIT.Weight=1: unknown key 'FRUIT.Weight'; did you mean 'fruit.weight'?");
 }
