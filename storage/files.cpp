@@ -144,21 +144,22 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
     write_file_atomically(path, std::span(&bytes, 1));
 }
 
-void write_file_atomically(const std::filesystem::path& name, std::span<const std::string_view> pieces) {
+void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces) {
     namespace fs = std::filesystem;
     std::error_code ignored;
     // What a link points to is written, not the link replaced; a device is not replaced either.
-    const auto path = fs::is_symlink(name, ignored) ? fs::weakly_canonical(name) : name;
-    if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored) && !fs::is_directory(path, ignored))
-        throw std::runtime_error("cannot write '" + name.string() + "': it is no regular file");
+    const auto target = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path) : path;
+    if (fs::exists(target, ignored) && !fs::is_regular_file(target, ignored) &&
+        !fs::is_directory(target, ignored))
+        throw std::runtime_error("cannot write '" + path.string() + "': it is no regular file");
     {
-        TemporaryFile file(path);
+        TemporaryFile file(target);
         for (const auto piece : pieces) {
             if (!file.write(piece)) fail("write", path);
         }
-        if (!file.publish(path)) fail("write", path);
+        if (!file.publish(target)) fail("write", path);
     }
-    sync_name(path);
+    sync_name(target);
 }
 
 }  // namespace cale
