@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <numeric>
 
 #include <fmt/format.h>
@@ -48,6 +49,14 @@ std::string random_play(const EnvConfig& env) {
                                             : "there is no random score of this game";
 }
 
+/// "100", or "3 of 100 (none begins after 2000 agent steps)".
+std::string games_text(const EvaluationPlan& plan, const Evaluation& evaluation) {
+    const auto played = std::ssize(evaluation.games);
+    constexpr auto kAny = std::numeric_limits<std::int64_t>::max();
+    if (played >= plan.games || plan.games == kAny) return fmt::format("{}", played);
+    return fmt::format("{} of {} (none begins after {} agent steps)", played, plan.games, plan.steps);
+}
+
 /// Without a human-normalised score where the game's mode or difficulty is another.
 ReturnSummary summary_of(const EvaluationPlan& plan, const Evaluation& evaluation) {
     auto summary = summarise(evaluation, plan.env.game);
@@ -85,7 +94,7 @@ std::string evaluation_text(const EvaluationReport& report) {
         frames += game.frames;
     }
     const ReturnSummary summary = summary_of(plan, evaluation);
-    line("games", fmt::format("{}, {} agent steps, {} frames", evaluation.games.size(), length, frames));
+    line("games", fmt::format("{}, {} agent steps, {} frames", games_text(plan, evaluation), length, frames));
     line("return, mean", fmt::format("{:.2f}", summary.mean));
     line("  standard deviation", fmt::format("{:.2f}", summary.standard_deviation));
     line("  median", fmt::format("{:.2f}", summary.median));

@@ -1,6 +1,8 @@
 #include "report/report.h"
 
 #include <string>
+#include <system_error>
+#include <utility>
 
 #include "report/csv.h"
 #include "report/figures.h"
@@ -23,28 +25,46 @@ void remove_report(const fs::path& folder) {
     }
 }
 
+/// A new folder that is gone at the end, with what is still in it.
+class PartialFolder {
+  public:
+    explicit PartialFolder(fs::path path) : path_(std::move(path)) {
+        fs::remove_all(path_);
+        fs::create_directories(path_);
+    }
+    PartialFolder(const PartialFolder&) = delete;
+    PartialFolder& operator=(const PartialFolder&) = delete;
+    ~PartialFolder() {
+        std::error_code ignored;
+        fs::remove_all(path_, ignored);
+    }
+    const fs::path& path() const { return path_; }
+
+  private:
+    fs::path path_;
+};
+
 }  // namespace
 
 std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigin& origin,
                                    const fs::path& folder, bool with_script) {
-    fs::create_directories(folder);
     const auto pictures = figures(comparison);
-    const auto page = to_html(comparison, pictures, origin, with_script);
-    const auto all_tables = {csv_files(comparison), latex_files(comparison)};
+    // The whole report is written before any of it takes the place of an earlier one.
+    const PartialFolder partial(folder / ".partial");
+    std::vector<std::string> names;
+    const auto next = [&](const std::string& name) { return partial.path() / names.emplace_back(name); };
+    write_text(next("report.html"), to_html(comparison, pictures, origin, with_script));
+    for (const auto& tables : {csv_files(comparison), latex_files(comparison)})
+        for (const auto& table : tables) write_text(next(table.name), table.text);
+    for (const auto& figure : pictures)
+        for (const auto* extension : {".svg", ".png"})
+            write_picture(figure.picture, next(figure.name + extension));
+
     remove_report(folder);
-    std::vector<fs::path> files{folder / "report.html"};
-    write_text(files.front(), page);
-    for (const auto& tables : all_tables) {
-        for (const auto& table : tables) {
-            files.push_back(folder / table.name);
-            write_text(files.back(), table.text);
-        }
-    }
-    for (const auto& figure : pictures) {
-        for (const auto* extension : {".svg", ".png"}) {
-            files.push_back(folder / (figure.name + extension));
-            write_picture(figure.picture, files.back());
-        }
+    std::vector<fs::path> files;
+    for (const auto& name : names) {
+        files.push_back(folder / name);
+        fs::rename(partial.path() / name, files.back());
     }
     return files;
 }

@@ -1,6 +1,7 @@
 #include "settings/config.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <system_error>
 
@@ -291,6 +292,15 @@ void read_value(const ConfigEntry& entry, std::string_view text) {
     }
 }
 
+/// "0.1..0.5"
+bool is_range_of_fractions(std::string_view text) {
+    const auto dots = text.find("..");
+    if (dots == text.npos) return false;
+    const auto first = number_in<double>(text.substr(0, dots)),
+               last = number_in<double>(text.substr(dots + 2));
+    return first && last && (*first != std::floor(*first) || *last != std::floor(*last));
+}
+
 /// Whether the text is a list as a sweep has it, "1..3" or "pong,breakout", of values that the entry takes.
 bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
     auto values = split(text, ',');
@@ -316,7 +326,13 @@ void ConfigEntry::set(std::string_view text) const {
     try {
         read_value(*this, text);
     } catch (const ConfigError&) {
-        if (takes_list || !is_list_of_values(*this, text)) throw;
+        if (takes_list) throw;
+        if (is_range_of_fractions(text)) {
+            throw ConfigError(fmt::format(
+                "{} takes one value, not '{}'; a sweep counts whole numbers only (1..3), so list them there",
+                key, text));
+        }
+        if (!is_list_of_values(*this, text)) throw;
         throw ConfigError(fmt::format(
             "{} takes one value, not '{}'; `cale sweep` trains a run for each value of a list", key, text));
     }

@@ -150,7 +150,7 @@ class LocalRunner {
         if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
             job.status.state = RunPhase::finished;
             job.status.step = newest_checkpoint(job.folder).value_or(planned.total_steps);
-            return say("finished", job, "by another process");
+            return say(planned.until > 0 ? "paused" : "finished", job, "by another process");
         }
         const auto checkpoint = newest_checkpoint(job.folder);
         if (!checkpoint) prepare_for_start(job.folder);
@@ -191,9 +191,11 @@ class LocalRunner {
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();
+            const auto until = job.planned->until;
             return say(
-                "finished", job,
-                fmt::format("in {}{}", duration_text(seconds),
+                until > 0 ? "paused" : "finished", job,
+                fmt::format("{}in {}{}", until > 0 ? fmt::format("at step {} ", job.status.step) : "",
+                            duration_text(seconds),
                             job.status.mean_return ? fmt::format(", return {:.1f}", *job.status.mean_return)
                                                    : std::string()));
         }

@@ -41,18 +41,21 @@ std::string from_checkpoint(const fs::path& folder) {
     throw std::runtime_error(fmt::format("no policy can be made of '{}': {}", path.string(), why));
 }
 
+/// Of the newest checkpoint. A score of an older one would pass for one of the run's end, so that is for the
+/// user to ask for.
 std::string from_run(const fs::path& run_dir) {
     const auto checkpoints = list_checkpoints(run_dir);
     if (checkpoints.empty()) refuse(run_dir, "it has no checkpoint yet");
-    std::string why;
-    for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
-        try {
-            return from_checkpoint(*folder);
-        } catch (const std::exception& error) {
-            if (why.empty()) why = error.what();  // of the newest
-        }
+    try {
+        return from_checkpoint(checkpoints.back());
+    } catch (const std::exception& error) {
+        refuse(run_dir, fmt::format("its newest checkpoint, {}: {}{}", checkpoints.back().filename().string(),
+                                    error.what(),
+                                    checkpoints.size() == 1
+                                        ? ""
+                                        : fmt::format("; the one before is {}",
+                                                      checkpoints[checkpoints.size() - 2].string())));
     }
-    refuse(run_dir, why);
 }
 
 /// Refuses what does not begin as a policy file before it is read: a device has no end, and another file may

@@ -12,7 +12,7 @@
 namespace cale {
 
 /// Returns the policy of a policy file, of a checkpoint (its folder, or the agent's file in it), or of a
-/// run's folder (its newest readable checkpoint). Throws std::runtime_error, one sentence that names the path
+/// run's folder (its newest checkpoint). Throws std::runtime_error, one sentence that names the path
 /// and what is wrong with it.
 Policy policy_of(const std::filesystem::path& path, torch::Device device = torch::kCPU);
 

@@ -146,10 +146,22 @@ fs::path choose_run_dir(const CommandLine& line, const TrainingProgram& program,
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
-/// Refuses a folder that holds a run, but for one that was stopped before its first checkpoint.
+bool is_run(const fs::path& folder) {
+    return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
+}
+
+/// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
+/// checkpoint.
 void require_no_run(const fs::path& run_dir) {
-    const bool config_of_a_user =
-        fs::exists(run_dir / "config.yaml") && !fs::exists(run_dir / "metadata.json");
+    auto path = fs::absolute(run_dir).lexically_normal();
+    if (!path.has_filename()) path = path.parent_path();  // a slash at the end
+    for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
+        if (!is_run(folder)) continue;
+        throw ConfigError(
+            fmt::format("--run-dir {}: it is in the folder of another run, {}; choose another one",
+                        run_dir.string(), folder.string()));
+    }
+    const bool config_of_a_user = fs::exists(run_dir / "config.yaml") && !is_run(run_dir);
     if (!config_of_a_user && !has_begun(run_dir)) return;
     throw ConfigError(fmt::format(
         "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
@@ -329,6 +341,13 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
                                {"device", machine},
                                {"seed", fmt::format("{}", program.settings.train.seed)},
                                {"run folder", run_dir.string()}});
+    if (const auto* key = "agent.min_replay"; program.table.has(key)) {
+        const auto first = std::stoll(program.table.at(key).get());
+        if (steps <= first)
+            facts.insert(
+                facts.end() - 1,
+                {"updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first))});
+    }
     return facts;
 }
 

@@ -428,6 +428,12 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_THAT(evaluation_text(report), HasSubstr("greedy, epsilon 0.2"));
     EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"random_play\": null\n"));
 
+    EXPECT_THAT(evaluation_text(report), HasSubstr("games                 2, "));
+    plan.games = 5;
+    plan.steps = 10;
+    EXPECT_THAT(evaluation_text(report),
+                HasSubstr("games                 2 of 5 (none begins after 10 agent steps), "));
+
     // What random play scores depends on the rules, and on the joystick.
     EXPECT_THAT(evaluation_text(report), HasSubstr("not known with these actions and rules\n"));
     plan.env.max_frames_per_episode = 108'000;

@@ -174,5 +174,17 @@ TEST_F(Html, AReportIsAFolderOfFiles) {
     EXPECT_THROW(write_report(data, origin_, folders_.path() / "file"), std::exception);
 }
 
+TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {
+    const auto data = comparison();
+    const auto folder = folders_.path() / "out";
+    const auto files = write_report(data, origin_, folder);
+    const auto page = read(folder / "report.html");
+    std::filesystem::remove(folder / "scores.csv");
+    std::filesystem::create_directories(folder / "scores.csv/of a user");
+    EXPECT_THROW(write_report(data, {.command = "another"}, folder), std::exception);
+    EXPECT_EQ(read(folder / "report.html"), page);
+    EXPECT_FALSE(std::filesystem::exists(folder / ".partial"));
+}
+
 }  // namespace
 }  // namespace cale

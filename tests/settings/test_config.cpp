@@ -244,6 +244,9 @@ TEST_F(Config, ListsAreForSweeps) {
     EXPECT_EQ(set_error("fruit.count", "1..3"), "fruit.count takes one value, not '1..3" + way_out);
     EXPECT_EQ(set_error("fruit.flavour", "sweet,sour"),
               "fruit.flavour takes one value, not 'sweet,sour" + way_out);
+    EXPECT_EQ(set_error("fruit.weight", "0.1..0.5"),
+              "fruit.weight takes one value, not '0.1..0.5'; a sweep counts whole numbers only (1..3), so "
+              "list them there");
     EXPECT_EQ(fruit_, FruitConfig{});
     EXPECT_EQ(set_error("fruit.label", "apple,stone"), "fruit.label: there is no fruit 'apple,stone'");
     EXPECT_EQ(

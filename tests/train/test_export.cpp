@@ -323,13 +323,16 @@ TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
 
     // As older versions wrote it.
     RunSnapshot snapshot;
-    snapshot.state.step = 1'234;
+    snapshot.state.step = 2'345;
     snapshot.agent = agent->state();
-    write_checkpoint(run, std::move(snapshot), nullptr, nullptr);
+    const auto older = write_checkpoint(run, std::move(snapshot), nullptr, nullptr).folder;
     EXPECT_EQ(error(), prefix +
-                           "it holds no policy.safetensors, as those of older versions and of agents "
-                           "without policy(): resume the run with its train program, which writes one at "
-                           "its end");
+                           "its newest checkpoint, step_000002345: it holds no policy.safetensors, as "
+                           "those of older versions and of agents without policy(): resume the run with "
+                           "its train program, which writes one at its end; the one before is " +
+                           checkpoint.string());
+    fs::remove_all(older);
+    EXPECT_EQ(error(), "no error");
     fs::remove_all(checkpoint);
     EXPECT_EQ(error(), prefix + "it has no checkpoint yet");
     fs::remove(run / "config.yaml");

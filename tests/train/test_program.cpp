@@ -90,6 +90,19 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
     EXPECT_EQ(answer.code, 0) << answer.stderr_text;
     EXPECT_THAT(read_file(folder.path() / "run" / "config.yaml"), testing::HasSubstr("seed: 5"));
     EXPECT_THAT(read_file(folder.path() / "run" / "metadata.json"), testing::HasSubstr("ALE/MsPacman-v5"));
+    EXPECT_THAT(answer.stderr_text,
+                testing::HasSubstr("  updates       none: they begin after agent.min_replay = 20,000 "
+                                   "transitions\n"));
+
+    const auto run = (folder.path() / "run").string();
+    EXPECT_THAT(train_sac(small(run + "/")).stderr_text, testing::HasSubstr(": a run is in there already;"));
+    for (const auto* inside : {"/a", "/checkpoints/step_000000012/b/"}) {
+        const auto refused = train_sac(small(run + inside));
+        EXPECT_EQ(refused.code, 2);
+        EXPECT_EQ(refused.stderr_text, "train_sac: --run-dir " + run + inside +
+                                           ": it is in the folder of another run, " + run +
+                                           "; choose another one\n");
+    }
 }
 
 /// Has no settings.
