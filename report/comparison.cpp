@@ -338,6 +338,10 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
         sentences(comparison.left_out_runs));
     add("Runs that count as far as they got:", std::move(unfinished));
     add("Scores that may be of an earlier time than the others, or lack something:", std::move(doubts));
+    if (comparison.config.group_by.empty())
+        add("Settings that only some runs of an agent have, which are groups of their own (runs of another "
+            "version lack them; --group-by names the settings that are to tell groups apart):",
+            partial_settings(comparison.groups));
     add("Runs that are there twice, of which the longer one counts:", sentences(comparison.repeated_runs));
     return notes;
 }

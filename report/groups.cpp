@@ -214,6 +214,22 @@ std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
     return missing;
 }
 
+std::vector<std::string> partial_settings(const std::vector<Group>& groups) {
+    Runs runs;
+    for (const auto& group : groups) {
+        if (is_recorded(group)) continue;
+        for (const auto& run : group.runs) runs.push_back(&run);
+    }
+    std::vector<std::string> partial;
+    for (const auto& [agent, own] : by_agent(runs)) {
+        for (const auto& key : keys_of(own)) {
+            if (!std::ranges::all_of(own, [&](const Run* run) { return run->settings.contains(key); }))
+                partial.push_back(fmt::format("{}: {}", agent, key));
+        }
+    }
+    return partial;
+}
+
 std::vector<SettingRow> all_settings(const std::vector<Group>& groups) {
     std::map<std::string, std::vector<std::set<std::string>>> values;
     for (std::size_t i = 0; i < groups.size(); ++i) {

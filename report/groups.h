@@ -35,6 +35,9 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
 /// list of a sweep are passed over, as that list says which are missing.
 std::vector<std::string> missing_runs(const std::vector<Run>& runs);
 
+/// The settings that some runs of an agent have and others, of another version, lack: "sac: agent.padding".
+std::vector<std::string> partial_settings(const std::vector<Group>& groups);
+
 struct SettingRow {
     std::string key{};
     std::vector<std::string> values{};  // by group; where its runs differ, all of them

@@ -192,6 +192,17 @@ TEST_F(Comparing, AWholeGridIsComplete) {
     EXPECT_FALSE(compared().is_complete());
 }
 
+TEST_F(Comparing, SaysWhichSettingsRunsOfAnotherVersionLack) {
+    folders_.run("a1", "sac", "Pong", 1, {-20}, "agent: {encoder: phi_sac}\n");
+    folders_.run("a2", "sac", "Pong", 2, {-20}, "agent: {encoder: phi_sac, padding: same}\n");
+    folders_.run("b1", "dqn", "Pong", 1, {-20}, "agent: {encoder: phi_sac}\n");
+    EXPECT_THAT(labels_of(compared()), ElementsAre("dqn", "sac, no padding", "sac, same"));
+    EXPECT_THAT(lines_of(compared().notes), Contains("sac: agent.padding"));
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    EXPECT_THAT(lines_of(compared({}, config).notes), Not(Contains("sac: agent.padding")));
+}
+
 TEST_F(Comparing, AllOfATieAreBold) {
     for (const std::uint64_t seed : {1, 2, 3}) {
         folders_.run(fmt::format("a{}", seed), "a", "Pong", seed, {0.1 * static_cast<double>(seed)});
