@@ -97,6 +97,12 @@ void check_games(const EnvConfig& config) {
                                     ": the minimal sets of actions of several games differ; set "
                                     "env.action_space to full or continuous");
     }
+    if (config.action_space == ActionSet::full &&
+        std::ranges::any_of(games_of(config.game), [](const Game* game) { return game->rom == "skiing"; })) {
+        throw std::invalid_argument("env.game=" + config.game +
+                                    ": Skiing has no button and so fewer actions than the other games; leave "
+                                    "it out, or set env.action_space to continuous");
+    }
 }
 
 /// Other coordinates than (r, theta, fire) are of the continuous joystick alone.
@@ -111,7 +117,7 @@ void check_joystick(const EnvConfig& config) {
 /// A joystick that moves turns numbered actions into positions, its events' at the rim.
 void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
-    if (config.threshold < kDiagonal && config.event_map == EventMap::symmetric) return;
+    if (reaches_every_event(config)) return;
     throw std::invalid_argument(
         "env.action_space=" + name_of(config.action_space) + " and a joystick that moves (" +
         changed_settings(config.motion) +
@@ -196,6 +202,10 @@ ObservationSpace observation_space(const EnvConfig& config) {
 
 bool is_variant(const EnvConfig& config) {
     return config.mode || config.difficulty;
+}
+
+bool reaches_every_event(const EnvConfig& config) {
+    return config.threshold < kDiagonal && config.event_map == EventMap::symmetric;
 }
 
 const Game& only_game(const EnvConfig& config) {

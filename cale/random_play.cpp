@@ -70,7 +70,8 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
 }
 
 std::optional<double> random_floor(const EnvConfig& config) {
-    const bool events = config.action_space != ActionSet::continuous || config.joystick == Joystick::factored;
+    const bool events = config.action_space != ActionSet::continuous ||
+                        (config.joystick == Joystick::factored && reaches_every_event(config));
     if (games_of(config.game).size() > 1) return std::nullopt;
     if (events && !is_variant(config) && !moves(config.motion) && has_usual_length(config))
         return find_game(config.game).random_score;

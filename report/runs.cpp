@@ -177,10 +177,12 @@ Progress progress_of(const fs::path& folder) {
 }
 
 /// Agent steps of the longest game that the settings allow, over all environments; none where they do not
-/// say.
+/// say. A step that loses a life may be of one frame.
 std::optional<double> longest_game(const std::map<std::string, std::string>& settings) {
     const double frames = number_of(settings, "env.max_frames_per_episode");
-    const double skip = number_of(settings, "env.frame_skip");
+    const auto on_life_loss = settings.find("env.terminal_on_life_loss");
+    const bool cuts_steps = on_life_loss != settings.end() && on_life_loss->second == "true";
+    const double skip = cuts_steps ? 1 : number_of(settings, "env.frame_skip");
     if (!(frames > 0 && skip > 0)) return std::nullopt;
     return std::ceil(frames / skip) * std::max(1.0, number_of(settings, "env.num_envs"));
 }

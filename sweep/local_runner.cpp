@@ -136,7 +136,7 @@ class LocalRunner {
         const auto claim = RunClaim::take(job.folder);
         if (!claim) {
             if (!std::exchange(job.waits, true))
-                say("waits", job, "another process is at work in its folder");
+                say("waits", job, "another process is training in its folder");
             job.status = status_of(job.folder, planned.total_steps, planned.evaluates);
             queue_.push_back(&job);
             return;

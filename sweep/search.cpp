@@ -93,7 +93,8 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
     const auto& [samples, go_on] = rung;
     const auto steps = samples.front().steps;
     if (go_on > 0) {
-        fmt::print(out, "Agent step {}: the better {} of {} samples go on.\n", steps, go_on, samples.size());
+        fmt::print(out, "Agent step {}: the better {} of {} samples continue.\n", steps, go_on,
+                   samples.size());
     } else {
         fmt::print(out, "Agent step {}, the end:\n", steps);
     }
@@ -240,7 +241,7 @@ void check_search(const Search& search) {
              {std::pair("train.save_replay", "false"), {"train.realtime", "true"}}) {
             if (is_set(planned, key, value))
                 throw ConfigError(
-                    fmt::format("{}: with {}={} a run that pauses does not go on as if it had not: change "
+                    fmt::format("{}: with {}={} a run that pauses does not continue as if it had not: change "
                                 "that, or say --search random",
                                 search.sweep.name, key, value));
         }

@@ -176,7 +176,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
     fmt::print(out, "{}", refused);
     if (lines.empty())
-        fmt::print(out, "nothing to submit: all runs are finished, at work{} queued\n",
+        fmt::print(out, "nothing to submit: all runs are finished, running{} queued\n",
                    refused.empty() ? " or" : ", refused or");
     fmt::print(out, "how they stand: cale sweep {} --dir {} --status\n", options.file.string(),
                options.folder.empty() ? folder.string() : options.folder.string());

@@ -242,7 +242,7 @@ void add_report(CLI::App& app) {
         "exit code 1 where the grid of the sweep is not complete: where a run is missing, cannot be "
         "used or is unfinished; the report is written all the same");
     command.add_flag("--web", options->web,
-                     "a page that answers: values under the pointer, groups switched off, games filtered; "
+                     "an interactive page: values under the pointer, groups switched off, games filtered; "
                      "still one file, and complete without scripts");
     command.footer(
         "Examples:\n"

@@ -101,6 +101,17 @@ TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
 }
 
+TEST(RandomPlay, FactoredPositionsHaveTheFloorOfTheEventsThatTheyReach) {
+    auto config = cale::protocol_200m("hero");
+    config.joystick = cale::Joystick::factored;
+    EXPECT_EQ(cale::random_floor(config), 1027.0);
+    config.threshold = 0.9;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt) << "its diagonals are nearer";
+    config.threshold = 0.5;
+    config.event_map = cale::EventMap::ale_0_10;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt) << "diagonals are all that there is";
+}
+
 TEST(RandomPlay, UnknownGamesAndProtocolsAreNamed) {
     const auto refusal = [](const char* game, const char* protocol) {
         return message_of<std::invalid_argument>([&] { cale::joystick_random(game, protocol); });

@@ -446,6 +446,10 @@ TEST(EnvSettings, SeveralGamesNeedOneActionSpaceAndAsManyEnvironmentsEach) {
     EXPECT_THAT(
         refusal("pong,hero", 2, ActionSet::minimal),
         HasSubstr("the minimal sets of actions of several games differ; set env.action_space to full"));
+    for (const auto* games : {"pong,skiing", "skiing,pong"})
+        EXPECT_THAT(refusal(games, 2, ActionSet::full),
+                    HasSubstr("Skiing has no button and so fewer actions than the other games"));
+    EXPECT_EQ(cale::box_size(cale::action_space(playing("pong,skiing", 2))), 3);
     EXPECT_THAT(refusal("pong,Pong", 2, ActionSet::full), HasSubstr("pong is named twice among 'pong,Pong'"));
     EXPECT_THAT(refusal("pong,", 2, ActionSet::full), HasSubstr("there is no game ''"));
     EXPECT_THAT(message_of<std::invalid_argument>([] { cale::Env(playing("pong,hero"), 1); }),

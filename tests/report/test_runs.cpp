@@ -205,7 +205,7 @@ TEST_F(Runs, HalfALastLineIsPassedOver) {
 TEST_F(Runs, ACutTableIsNotBelieved) {
     const std::vector<double> returns(20, -21);
     const std::string settings =
-        "train: {total_steps: 2000}\nenv: {max_frames_per_episode: 1200, frame_skip: 4}\n";
+        "train: {total_steps: 2000}\nenv:\n  max_frames_per_episode: 1200\n  frame_skip: 4\n";
     const auto table = folders_.run("whole", "sac", "Pong", 1, returns, settings) / "episodes.csv";
     const auto whole = std::filesystem::file_size(table);
     folders_.write("whole/progress.csv", "global_step,frame\n2000,8000\n");
@@ -225,6 +225,10 @@ TEST_F(Runs, ACutTableIsNotBelieved) {
     folders_.write("shorter/checkpoints/step_000001000/state.json", R"({"episodes_offset": 300})");
     folders_.write("shorter/checkpoints/step_000002000/state.json",
                    fmt::format("{{\"episodes_offset\": {}}}", whole));
+
+    folders_.run("lives", "sac", "Pong", 11, std::vector<double>(15, -21),
+                 settings + "  terminal_on_life_loss: true\n");
+    folders_.write("lives/checkpoints/step_000002000/state.json", "{}");
 
     folders_.run("early", "sac", "Pong", 6, std::vector<double>(17, -21), settings);
     folders_.write("early/progress.csv", "global_step,frame\n2000,8000\n");
@@ -258,6 +262,7 @@ TEST_F(Runs, ACutTableIsNotBelieved) {
         said["too_long"],
         HasSubstr("is cut: its last game ended at agent step 1000, no game takes more than 300, and the "
                   "run took 2000 agent steps (checkpoints/step_000002000)"));
+    EXPECT_THAT(said["lives"], HasSubstr("doubts: ")) << "steps that lose a life are short";
     EXPECT_THAT(said["shorter"],
                 AllOf(HasSubstr("episodes.csv is cut: it has"), HasSubstr("step_000002000")));
     EXPECT_THAT(said["early"],
@@ -270,7 +275,7 @@ TEST_F(Runs, ACutTableIsNotBelieved) {
     EXPECT_THAT(said["first"], HasSubstr("first/episodes.csv is cut: it has no whole row"));
     EXPECT_THAT(said["shuffled"],
                 HasSubstr("shuffled/episodes.csv is damaged: its agent steps do not ascend"));
-    EXPECT_THAT(all.runs, SizeIs(4));
+    EXPECT_THAT(all.runs, SizeIs(5));
 }
 
 TEST_F(Runs, AScoreThatNoGameCountsToIsNamedAndLeavesOutItsRunAlone) {

@@ -181,7 +181,7 @@ TEST_F(LocalSweep, ARunOfAnotherSweepWithOtherSettingsIsRefusedOnceItIsDone) {
     runs[0].run.settings.push_back({"agent.loss", "mse"});
     const auto second = start(runs, "said by the second");
     ASSERT_TRUE(test::wait_until(
-        [&] { return said("said by the second").find("another process is at work") != std::string::npos; }));
+        [&] { return said("said by the second").find("another process is training") != std::string::npos; }));
     fake_.go();
     EXPECT_EQ(exit_code_of(first), 0);
     EXPECT_EQ(exit_code_of(second), 1);
@@ -202,7 +202,7 @@ TEST_F(LocalSweep, ARunOfAnotherSweepIsWaitedFor) {
     ASSERT_TRUE(test::wait_until([&] { return says("slow_0", "started"); }));
     const auto second = start(runs, "said by the second");
     ASSERT_TRUE(test::wait_until(
-        [&] { return said("said by the second").find("another process is at work") != std::string::npos; }));
+        [&] { return said("said by the second").find("another process is training") != std::string::npos; }));
     fake_.go();
     EXPECT_EQ(exit_code_of(first), 0);
     EXPECT_EQ(exit_code_of(second), 0);

@@ -240,7 +240,7 @@ TEST_F(HalvingSearch, TheBetterHalfGoesOn) {
     // At 100 steps the small numbers are ahead, from then on the large ones.
     EXPECT_THAT(trained_, ElementsAre("100: 1 2 3 4 5", "200: 1 2 3", "400: 2 3"));
     const auto said = folder_.read("said");
-    EXPECT_THAT(said, HasSubstr("Agent step 100: the better 3 of 5 samples go on.\n"));
+    EXPECT_THAT(said, HasSubstr("Agent step 100: the better 3 of 5 samples continue.\n"));
     EXPECT_THAT(said, HasSubstr("Agent step 400, the end:\n"));
 
     const auto value = [&](std::size_t sample) { return sweep_.samples[sample - 1][0].value; };
@@ -325,7 +325,7 @@ TEST_F(HalvingSearch, RunsThatWouldNotGoOnAsTheyWereAreNotPaused) {
     for (auto& planned : runs_) planned.run.settings.push_back({"train.save_replay", "false"});
     EXPECT_THAT(
         test::error_of<ConfigError>([&] { search(); }),
-        HasSubstr("mine: with train.save_replay=false a run that pauses does not go on as if it had not"));
+        HasSubstr("mine: with train.save_replay=false a run that pauses does not continue as if it had not"));
     EXPECT_EQ(search(SearchMethod::random), 0);
 }
 

@@ -321,8 +321,8 @@ TEST(SearchSlow, TheRunThatGoesOnIsTheOneThatWasNeverPaused) {
     };
     const auto halving = search("halving");
     ASSERT_EQ(halving.status, 0) << folder.read("said");
-    EXPECT_THAT(halving.text, HasSubstr("Agent step 40: the better 2 of 3 samples go on.\n"));
-    EXPECT_THAT(halving.text, HasSubstr("Agent step 80: the better 1 of 2 samples go on.\n"));
+    EXPECT_THAT(halving.text, HasSubstr("Agent step 40: the better 2 of 3 samples continue.\n"));
+    EXPECT_THAT(halving.text, HasSubstr("Agent step 80: the better 1 of 2 samples continue.\n"));
     ASSERT_EQ(search("random").status, 0) << folder.read("said");
     const auto best = folder.read("halving/search_best.yaml");
     const auto run = fmt::format("Pong__sac__sample={}__1", best.substr(std::string("# Sample ").size(), 1));
