@@ -32,7 +32,7 @@ std::ostream& operator<<(std::ostream& out, const Case& one) {
 constexpr const char* kReplay = "agent.min_replay=60 agent.replay_capacity=300 agent.batch_size=4 ";
 
 std::vector<Case> cases() {
-    const std::string small = "agent.encoder=phi_dqn agent.hidden_units=16 ";
+    const std::string small = "agent.encoder=data_efficient agent.hidden_units=16 ";
     return {
         {"Sac", "sac", small + kReplay + "agent.update_period=4 agent.update_horizon=3 env.num_envs=2"},
         {"Sacd", "sacd", small + kReplay + "agent.update_period=4 env.num_envs=1"},
