@@ -75,7 +75,7 @@ std::vector<std::string> small(const std::filesystem::path& run_dir, std::vector
                                           "--threads",
                                           "1",
                                           "--no-progress",
-                                          "agent.encoder=phi_dqn",
+                                          "agent.encoder=data_efficient",
                                           "agent.hidden_units=8",
                                           "agent.replay_capacity=1000",
                                           "train.total_steps=12",
@@ -372,7 +372,7 @@ TEST(ProgramEmulator, SaysWhatItTrainsBeforeItMakesIt) {
     const auto answer = train("sac", make_nothing, small(run));
     EXPECT_EQ(answer.code, 1);
     EXPECT_THAT(answer.stderr_text,
-                testing::AllOf(testing::StartsWith("sac on ALE/Pong-v5\n  encoder       phi_dqn\n"),
+                testing::AllOf(testing::StartsWith("sac on ALE/Pong-v5\n  encoder       data_efficient\n"),
                                testing::HasSubstr("  run folder    " + run.string() + "\n"),
                                testing::EndsWith("\ntrain_sac: nothing is made\n")));
     EXPECT_FALSE(std::filesystem::exists(run.parent_path())) << "nor does it leave a folder behind";
@@ -530,7 +530,7 @@ std::vector<std::string> small_ppo(const std::filesystem::path& run_dir, std::ve
                                           "--threads",
                                           "1",
                                           "--no-progress",
-                                          "agent.encoder=phi_dqn",
+                                          "agent.encoder=data_efficient",
                                           "agent.hidden_units=8",
                                           "agent.rollout_steps=8",
                                           "agent.minibatch_size=4",
