@@ -178,13 +178,12 @@ Progress progress_of(const fs::path& folder) {
 
 /// Agent steps of the longest game that the settings allow, over all environments; none where they do not
 /// say. A step that loses a life may be of one frame.
-std::optional<double> longest_game(const std::map<std::string, std::string>& settings) {
-    const double frames = number_of(settings, "env.max_frames_per_episode");
-    const auto on_life_loss = settings.find("env.terminal_on_life_loss");
-    const bool cuts_steps = on_life_loss != settings.end() && on_life_loss->second == "true";
-    const double skip = cuts_steps ? 1 : number_of(settings, "env.frame_skip");
+std::optional<double> longest_game(const Run& run) {
+    const double frames = number_of(run.settings, "env.max_frames_per_episode");
+    const bool cuts_steps = setting_of(run, "env.terminal_on_life_loss") == "true";
+    const double skip = cuts_steps ? 1 : number_of(run.settings, "env.frame_skip");
     if (!(frames > 0 && skip > 0)) return std::nullopt;
-    return std::ceil(frames / skip) * std::max(1.0, number_of(settings, "env.num_envs"));
+    return std::ceil(frames / skip) * std::max(1.0, number_of(run.settings, "env.num_envs"));
 }
 
 /// Bytes of episodes.csv that were there when the newest checkpoint was written; 0 where it does not say.
@@ -219,7 +218,7 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
             "{} ends in the middle of line {}, which is not counted: the run was killed, or the file is cut",
             path.string(), *episodes.cut_line));
     const double last = episodes.steps.back();
-    const auto longest = longest_game(run.settings);
+    const auto longest = longest_game(run);
     if (longest && last + *longest < progress.step)
         throw std::runtime_error(fmt::format(
             "{} is cut: its last game ended at agent step {:.0f}, no game takes more than {:.0f}, and {}",

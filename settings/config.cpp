@@ -292,20 +292,25 @@ void read_value(const ConfigEntry& entry, std::string_view text) {
     }
 }
 
+/// The two ends of "1..3"; none of other text.
+std::vector<std::string> ends_of_range(std::string_view text) {
+    const auto dots = text.find("..");
+    if (dots == text.npos) return {};
+    return {std::string(text.substr(0, dots)), std::string(text.substr(dots + 2))};
+}
+
 /// "0.1..0.5"
 bool is_range_of_fractions(std::string_view text) {
-    const auto dots = text.find("..");
-    if (dots == text.npos) return false;
-    const auto first = number_in<double>(text.substr(0, dots)),
-               last = number_in<double>(text.substr(dots + 2));
+    const auto ends = ends_of_range(text);
+    if (ends.empty()) return false;
+    const auto first = number_in<double>(ends[0]), last = number_in<double>(ends[1]);
     return first && last && (*first != std::floor(*first) || *last != std::floor(*last));
 }
 
 /// Whether the text is a list as a sweep has it, "1..3" or "pong,breakout", of values that the entry takes.
 bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
     auto values = split(text, ',');
-    if (const auto dots = text.find(".."); values.size() == 1 && dots != text.npos)
-        values = {std::string(text.substr(0, dots)), std::string(text.substr(dots + 2))};
+    if (values.size() == 1) values = ends_of_range(text);
     if (values.size() < 2) return false;
     const auto before = entry.get();
     const bool all_fit = std::ranges::all_of(values, [&](const std::string& value) {

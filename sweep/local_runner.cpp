@@ -29,6 +29,11 @@ using Clock = std::chrono::steady_clock;
 constexpr auto kPollInterval = std::chrono::milliseconds(100);
 constexpr auto kGrace = std::chrono::seconds(1);
 
+/// What a run did that came to the end of what was planned.
+std::string_view end_of(const PlannedRun& planned) {
+    return planned.until > 0 ? "paused" : "finished";
+}
+
 enum TrainExit { kDone = 0, kUsage = 2, kCannotResume = 3 };
 
 volatile std::sig_atomic_t stops = 0;
@@ -150,7 +155,7 @@ class LocalRunner {
         if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
             job.status.state = RunPhase::finished;
             job.status.step = newest_checkpoint(job.folder).value_or(planned.total_steps);
-            return say(planned.until > 0 ? "paused" : "finished", job, "by another process");
+            return say(end_of(planned), job, "by another process");
         }
         const auto checkpoint = newest_checkpoint(job.folder);
         if (!checkpoint) prepare_for_start(job.folder);
@@ -191,13 +196,10 @@ class LocalRunner {
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();
-            const auto until = job.planned->until;
-            return say(
-                until > 0 ? "paused" : "finished", job,
-                fmt::format("{}in {}{}", until > 0 ? fmt::format("at step {} ", job.status.step) : "",
-                            duration_text(seconds),
-                            job.status.mean_return ? fmt::format(", return {:.1f}", *job.status.mean_return)
-                                                   : std::string()));
+            auto text = fmt::format("in {}", duration_text(seconds));
+            if (job.planned->until > 0) text = fmt::format("at step {} ", job.status.step) + text;
+            if (job.status.mean_return) text += fmt::format(", return {:.1f}", *job.status.mean_return);
+            return say(end_of(*job.planned), job, text);
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
         const auto words = last_log_line(job.folder);

@@ -46,15 +46,13 @@ std::string from_checkpoint(const fs::path& folder) {
 std::string from_run(const fs::path& run_dir) {
     const auto checkpoints = list_checkpoints(run_dir);
     if (checkpoints.empty()) refuse(run_dir, "it has no checkpoint yet");
+    const auto newest = checkpoints.rbegin();
     try {
-        return from_checkpoint(checkpoints.back());
+        return from_checkpoint(*newest);
     } catch (const std::exception& error) {
-        refuse(run_dir, fmt::format("its newest checkpoint, {}: {}{}", checkpoints.back().filename().string(),
-                                    error.what(),
-                                    checkpoints.size() == 1
-                                        ? ""
-                                        : fmt::format("; the one before is {}",
-                                                      checkpoints[checkpoints.size() - 2].string())));
+        auto why = fmt::format("its newest checkpoint, {}: {}", newest->filename().string(), error.what());
+        if (checkpoints.size() > 1) why += fmt::format("; the one before is {}", newest[1].string());
+        refuse(run_dir, why);
     }
 }
 

@@ -153,8 +153,7 @@ bool is_run(const fs::path& folder) {
 /// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
 /// checkpoint.
 void require_no_run(const fs::path& run_dir) {
-    auto path = fs::absolute(run_dir).lexically_normal();
-    if (!path.has_filename()) path = path.parent_path();  // a slash at the end
+    const auto path = fs::absolute(run_dir / "").lexically_normal().parent_path();
     for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
         if (!is_run(folder)) continue;
         throw ConfigError(
@@ -339,15 +338,14 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
                                                            grouped(steps * world.frames_per_step))},
                                {"environments", fmt::format("{}", world.num_envs)},
                                {"device", machine},
-                               {"seed", fmt::format("{}", program.settings.train.seed)},
-                               {"run folder", run_dir.string()}});
+                               {"seed", fmt::format("{}", program.settings.train.seed)}});
     if (const auto* key = "agent.min_replay"; program.table.has(key)) {
         const auto first = std::stoll(program.table.at(key).get());
         if (steps <= first)
-            facts.insert(
-                facts.end() - 1,
-                {"updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first))});
+            facts.emplace_back(
+                "updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first)));
     }
+    facts.emplace_back("run folder", run_dir.string());
     return facts;
 }
 

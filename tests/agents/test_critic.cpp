@@ -210,7 +210,7 @@ TEST(Sac, LearnsWithDistributionsToPushTheJoystickWhereTheFrameSays) {
     config.tau = 0.02;
     const auto spec = joystick_world(8);
     EXPECT_EQ(make_sac(config, spec)->state().at("network/critic.q2.out.weight").size(0), 21);
-    EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), kLearned);
+    EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), kSacLearned);
 }
 
 }  // namespace

@@ -320,7 +320,7 @@ TEST(Der, LearnsWhichActionTheFrameAsksFor) {
     auto spec = discrete_world(8);
     for (const auto precision : {Precision::float32, Precision::bf16}) {
         spec.precision = precision;
-        EXPECT_GT(learned_after(*make_der(config, spec), spec, 300), kLearned);
+        EXPECT_GT(learned_after(*make_der(config, spec), spec, 300), 0.9);
     }
 }
 

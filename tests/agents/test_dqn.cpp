@@ -171,7 +171,7 @@ TEST(Dqn, LearnsWhichActionTheFrameAsksFor) {
     config.target_update_period = 200;
     config.learning_rate = 1e-3;
     const auto spec = discrete_world(8);
-    EXPECT_GT(learned_after(*make_dqn(config, spec), spec, 300), kLearned);
+    EXPECT_GT(learned_after(*make_dqn(config, spec), spec, 300), 0.9);
 }
 
 }  // namespace

@@ -629,14 +629,14 @@ PpoConfig quick_learner() {
 
 TEST(Ppo, LearnsWhichActionTheFrameAsksFor) {
     const auto spec = discrete_world(8);
-    EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), kLearned);
+    EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), 0.9);
 }
 
 TEST(Ppo, LearnsToPushTheJoystickWhereTheFrameSays) {
     for (const bool overlap : {false, true}) {
         auto spec = joystick_world(8);
         spec.overlap = overlap;
-        EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), kLearned) << overlap;
+        EXPECT_GT(learned_after(*make_ppo(quick_learner(), spec), spec, 640), 0.8) << overlap;
     }
 }
 

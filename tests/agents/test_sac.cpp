@@ -277,7 +277,7 @@ TEST(Sac, LearnsToPushTheJoystickWhereTheFrameSays) {
     auto spec = joystick_world(8);
     for (const auto precision : {Precision::float32, Precision::bf16}) {
         spec.precision = precision;
-        EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), kLearned);
+        EXPECT_GT(learned_after(*make_sac(config, spec), spec, 600), kSacLearned);
     }
 }
 

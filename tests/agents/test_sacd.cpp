@@ -205,7 +205,7 @@ TEST(Sacd, LearnsWhichActionTheFrameAsksFor) {
     config.exploration = Exploration::standard;
     config.learning_rate = 1e-3;
     const auto spec = discrete_world(8);
-    EXPECT_GT(learned_after(*make_sacd(config, spec), spec, 300), kLearned);
+    EXPECT_GT(learned_after(*make_sacd(config, spec), spec, 300), 0.9);
 }
 
 }  // namespace

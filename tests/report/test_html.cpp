@@ -177,7 +177,7 @@ TEST_F(Html, AReportIsAFolderOfFiles) {
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {
     const auto data = comparison();
     const auto folder = folders_.path() / "out";
-    const auto files = write_report(data, origin_, folder);
+    write_report(data, origin_, folder);
     const auto page = read(folder / "report.html");
     std::filesystem::remove(folder / "scores.csv");
     std::filesystem::create_directories(folder / "scores.csv/of a user");

@@ -30,9 +30,8 @@ using testing::HasSubstr;
 constexpr const char* kSettings =
     "--threads 1 --no-progress --seed 3 env.game=breakout env.num_envs=4 env.env_threads=1 "
     "env.max_frames_per_episode=100 agent.encoder=data_efficient agent.hidden_units=16 "
-    "agent.rollout_steps=32 "
-    "agent.minibatch_size=8 agent.epochs=2 agent.anneal_steps=56 log.every=48 train.checkpoint_every=80 "
-    "eval.episodes=0";
+    "agent.rollout_steps=32 agent.minibatch_size=8 agent.epochs=2 agent.anneal_steps=56 log.every=48 "
+    "train.checkpoint_every=80 eval.episodes=0";
 
 struct Ended {
     int code;           // of the first process

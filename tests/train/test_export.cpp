@@ -325,13 +325,13 @@ TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     RunSnapshot snapshot;
     snapshot.state.step = 2'345;
     snapshot.agent = agent->state();
-    const auto older = write_checkpoint(run, std::move(snapshot), nullptr, nullptr).folder;
+    const auto newest = write_checkpoint(run, std::move(snapshot), nullptr, nullptr).folder;
     EXPECT_EQ(error(), prefix +
                            "its newest checkpoint, step_000002345: it holds no policy.safetensors, as "
                            "those of older versions and of agents without policy(): resume the run with "
                            "its train program, which writes one at its end; the one before is " +
                            checkpoint.string());
-    fs::remove_all(older);
+    fs::remove_all(newest);
     EXPECT_EQ(error(), "no error");
     fs::remove_all(checkpoint);
     EXPECT_EQ(error(), prefix + "it has no checkpoint yet");

@@ -928,8 +928,7 @@ TEST(CaleEmulator, EvaluatesAndExportsARun) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path() / "run")).code, 0);
     const std::string evaluates =
-        "evaluate run --steps 1 --parallel 1 --protocol fixed_steps --set "
-        "env.max_frames_per_episode=40";
+        "evaluate run --steps 1 --parallel 1 --protocol fixed_steps --set env.max_frames_per_episode=40";
     for (int i = 0; i < 2; ++i) ASSERT_EQ(cale_says(evaluates, folder.path()).code, 0);
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path() / "evaluations"), {}), 2)
         << "in the same second, too";
