@@ -92,7 +92,11 @@ ContinuousAction stick(Joystick joystick, std::span<const float> action) {
         throw std::invalid_argument("an action has " + std::to_string(coordinates.size()) +
                                     " coordinates, not " + std::to_string(action.size()));
     }
-    if (joystick == Joystick::polar) return {action[0], action[1], action[2]};  // the environment validates
+    if (joystick == Joystick::polar) {
+        const ContinuousAction polar{action[0], action[1], action[2]};
+        validate(polar);
+        return polar;
+    }
     for (std::size_t i = 0; i < action.size(); ++i) check(coordinates[i], action[i]);
     if (joystick == Joystick::cartesian) return at_position(action[0], action[1], action[2]);
     if (joystick == Joystick::paddle)

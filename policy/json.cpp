@@ -10,6 +10,7 @@ namespace cale {
 namespace {
 
 constexpr int kMaxDepth = 4;
+constexpr int kMaxValues = 100'000;  // of an object or an array
 constexpr std::size_t kLongestQuotation = 100;
 
 void append_utf8(std::string& text, std::uint32_t code) {
@@ -33,6 +34,10 @@ void append_utf8(std::string& text, std::uint32_t code) {
 
 [[noreturn]] void invalid() {
     throw FileDamage("its header is not valid JSON");
+}
+
+void require_few(int count) {
+    if (count > kMaxValues) throw FileDamage("its header has more than 100,000 values in a row");
 }
 
 /// Walks through a text. Everything it passes is checked.
@@ -76,10 +81,12 @@ class Reader {
     template <class Member>
     void object(int depth, Member&& member) {
         std::set<std::string> names;
+        int count = 0;
         expect('{');
         skip_space();
         if (accept('}')) return;
         do {
+            require_few(++count);
             skip_space();
             auto name = string();
             if (!names.insert(name).second) throw FileDamage({"its header has ", in_quotes(name), " twice"});
@@ -95,10 +102,12 @@ class Reader {
 
     template <class Element>
     void array(int depth, Element&& element) {
+        int count = 0;
         expect('[');
         skip_space();
         if (accept(']')) return;
         do {
+            require_few(++count);
             skip_space();
             element(value(depth + 1));
             skip_space();
@@ -261,7 +270,7 @@ std::string in_quotes(std::string_view text) {
         return (static_cast<unsigned char>(text[at]) & 0xC0) == 0x80;
     };
     for (int i = 0; is_long && i < 3 && continues(length); ++i) --length;  // no character of UTF-8 is cut
-    auto result = to_json(text.substr(0, length));
+    auto result = printable(to_json(text.substr(0, length)));
     result.front() = '\'';
     result.pop_back();
     return result + (is_long ? "...'" : "'");

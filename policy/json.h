@@ -1,5 +1,5 @@
-// The subset of JSON (RFC 8259) that the headers of safetensors files need. Values stay text, so that memory
-// use never exceeds twice the size of an untrusted header.
+// The subset of JSON (RFC 8259) that the headers of safetensors files need. Values stay text and lists are
+// short, so that an untrusted header costs little more memory than its own size.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,8 @@ struct FileDamage : std::runtime_error {
 };
 
 /// Throws FileDamage that calls the text "its header" for anything but one JSON value in UTF-8 without names
-/// that occur twice in an object, and for more than four levels of nesting.
+/// that occur twice in an object, for more than four levels of nesting, and for an object or an array of more
+/// than 100,000 values.
 void check_json(std::string_view text);
 
 // Parts of a text that passed check_json().
@@ -41,7 +42,8 @@ std::optional<std::uint64_t> json_natural(std::string_view value);
 std::string to_json(std::string_view text);
 bool is_utf8(std::string_view text);
 
-/// Returns untrusted text for an error message: 'in quotes', control characters escaped, long text truncated.
+/// Returns untrusted text for an error message: 'in quotes', control characters and what is no UTF-8 escaped,
+/// long text truncated.
 std::string in_quotes(std::string_view text);
 
 }  // namespace cale

@@ -1,5 +1,7 @@
 #include "policy/policy_info.h"
 
+#include <cmath>
+
 namespace cale {
 
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
@@ -10,9 +12,11 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
 
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {
     if (info.joystick == Joystick::paddle) {
-        const auto coordinates = coordinates_of(Joystick::paddle, stick);
+        const auto position = paddle_position(stick.radius * std::cos(stick.theta));
         const bool fire = stick.fire > static_cast<float>(info.threshold);
-        return {.stick = stick, .event = fire ? Event::fire : Event::noop, .paddle = coordinates.front()};
+        return {.stick = stick,
+                .event = fire ? Event::fire : Event::noop,
+                .paddle = static_cast<float>(position)};
     }
     return {.stick = stick,
             .event = joystick_event(stick, static_cast<float>(info.threshold), info.event_map),

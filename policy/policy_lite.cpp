@@ -75,7 +75,8 @@ Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choic
     return samples(info, choice) && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
 }
 
-void require_own(const InferencePlan* plan, const InferencePlan* of_workspace) {
+void require_own(const std::shared_ptr<const InferencePlan>& plan,
+                 const std::shared_ptr<const InferencePlan>& of_workspace) {
     if (of_workspace != plan) throw std::invalid_argument("this workspace was made by another policy");
 }
 
@@ -119,7 +120,7 @@ bool Policy::gives_action_values() const {
 Workspace Policy::workspace(std::size_t observations) const {
     if (observations == 0) throw std::invalid_argument("a workspace has room for at least one observation");
     Workspace workspace;
-    workspace.plan_ = plan_.get();
+    workspace.plan_ = plan_;
     workspace.numbers_.resize(plan_->memory_size * observations);
     return workspace;
 }
@@ -129,13 +130,13 @@ std::span<const float> Policy::output(std::span<const std::uint8_t> observation,
 }
 
 std::span<const float> Policy::newest_output(const Workspace& workspace) const {
-    require_own(plan_.get(), workspace.plan_);
+    require_own(plan_, workspace.plan_);
     return plan_->output(workspace.numbers_, 0);
 }
 
 std::span<const float> Policy::output(std::span<const std::uint8_t> observation, Workspace& workspace,
                                       std::mt19937_64* noise) const {
-    require_own(plan_.get(), workspace.plan_);
+    require_own(plan_, workspace.plan_);
     if (observation.size() != info().observation_size()) {
         throw std::invalid_argument("an observation has " + std::to_string(observation.size()) +
                                     " bytes: it must have " + std::to_string(info().observation_size()));
@@ -168,7 +169,7 @@ void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision>
                                     std::to_string(decisions.size() * size) + " bytes, not " +
                                     std::to_string(observations.size()));
     }
-    require_own(plan_.get(), workspace.plan_);
+    require_own(plan_, workspace.plan_);
     const bool draws_noise = plan_->noisy && samples(info(), choice);
     // Noise by noise and choice by choice, as one by one.
     const auto room = draws_noise ? 1 : workspace.numbers_.size() / plan_->memory_size;

@@ -32,7 +32,7 @@ struct InferencePlan;  // the network as this library computes it
 class Workspace {
   private:
     friend class Policy;
-    const InferencePlan* plan_ = nullptr;
+    std::shared_ptr<const InferencePlan> plan_;  // kept, so that no other plan is ever at its address
     Floats numbers_;
 };
 

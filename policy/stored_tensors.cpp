@@ -11,6 +11,8 @@
 #include <tuple>
 #include <utility>
 
+#include "cale/text.h"
+
 namespace cale {
 namespace {
 
@@ -58,7 +60,7 @@ Entry parse_entry(const std::string& name, std::string_view description, std::si
         // As the header has it, unless that might be more than a line.
         const auto written = members["dtype"];
         const bool is_short = written.size() < 100 && written.find_first_of("[{") == written.npos;
-        throw FileDamage({tensor, " has the unknown dtype ", std::string(is_short ? written : "...")});
+        throw FileDamage({tensor, " has the unknown dtype ", is_short ? printable(written) : "..."});
     }
 
     const auto shape = json_elements(members["shape"]);

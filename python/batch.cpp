@@ -52,6 +52,7 @@ std::string difference(std::string_view ours, std::string_view theirs) {
 
 std::string number_text(float number) {
     std::ostringstream text;
+    text.precision(9);  // no other float reads the same
     text << number;
     return text.str();
 }

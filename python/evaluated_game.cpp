@@ -27,6 +27,10 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != (policy.action_space == "continuous"))
         refuse("it was trained with action_space=" + policy.action_space);
+    const bool places_paddle = policy.joystick == Joystick::paddle;
+    if (continuous && places_paddle != (env.paddle == Paddle::absolute))
+        refuse(places_paddle ? "its actions place a paddle; leave paddle out"
+                             : "its actions do not place a paddle; leave paddle out");
     if (continuous) return;
     const Env game(env, /*seed=*/0);
     if (!std::ranges::equal(game.actions(), policy.actions))

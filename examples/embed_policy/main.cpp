@@ -66,8 +66,9 @@ int main(int argc, char** argv) {
     try {
         const auto policy = cale::Policy::load(argv[1]);
         const auto& game = cale::find_game(policy.info().game);
-        cale::Emulator console(game, cale::find_rom(policy.info().game, ""), /*sticky_probability=*/0.25F,
-                               /*seed=*/1);
+        // A placed paddle does not stick.
+        const float sticky_probability = policy.info().joystick == cale::Joystick::paddle ? 0 : 0.25F;
+        cale::Emulator console(game, cale::find_rom(policy.info().game, ""), sticky_probability, /*seed=*/1);
         const auto [frames, score] = play(policy, console, most_frames);
         std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(),
                     policy.info().game.c_str(), score, frames);

@@ -83,6 +83,10 @@ def test_mistakes_get_a_sentence(repository, tmp_path):
         cale.evaluate(policy, games=1, obs="pixels")
     with pytest.raises(ValueError, match="cannot play there: it was trained with action_space=continuous"):
         cale.evaluate(policy, games=1, action_space="full")
+    with pytest.raises(ValueError, match="cannot play there: its actions do not place a paddle; leave paddle out"):
+        cale.evaluate(policy, games=1, game="breakout", paddle="absolute")
+    with pytest.raises(FileNotFoundError, match="road_runner.bin is not in /nowhere.*pip install ale-py"):
+        cale.evaluate(policy, games=1, rom_dir="/nowhere")
     with pytest.raises(ValueError, match="games is 0: it must be at least 1"):
         cale.evaluate(policy, games=0)
     damaged = tmp_path / "damaged.safetensors"

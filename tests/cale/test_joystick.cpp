@@ -149,6 +149,8 @@ TEST(Joystick, WhatIsOutsideIsNamed) {
         return message_of<std::invalid_argument>([&] { cale::stick(joystick, action); });
     };
     const float nan = std::numeric_limits<float>::quiet_NaN();
+    EXPECT_THAT(refusal(Joystick::polar, {0.5F, 4, 0}), HasSubstr("theta is 4: it must lie in [-pi, pi]"));
+    EXPECT_THAT(refusal(Joystick::polar, {nan, 0, 0}), HasSubstr("radius is nan"));
     EXPECT_THAT(refusal(Joystick::cartesian, {1.5F, 0, 0}), HasSubstr("x is 1.5: it must lie in [-1, 1]"));
     EXPECT_THAT(refusal(Joystick::cartesian, {0, nan, 0}), HasSubstr("y is nan"));
     EXPECT_THAT(refusal(Joystick::direction, {0, 0, -0.5F, 0}), HasSubstr("radius is -0.5"));

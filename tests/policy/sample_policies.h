@@ -137,6 +137,7 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"sac_compact", with_observation({2, 40, 33}, actor(compact(), tanh_actor))},
             {"der_data_efficient", with_observation({2, 40, 33}, action_values(data_efficient(), true, 51))},
             {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
+            {"sac_paddle", along_axes(2, actor(phi_sac(), tanh_actor))},
             {"rainbow_factored",
              with_observation({4, 128}, with_actions(18, action_values(mlp(true), true, 51)))},
             {"noisy", noisy(action_values(phi_dqn()))},
@@ -146,14 +147,15 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"mixture", mixture()}};
 }
 
-/// What it needs beside its weights. Four coordinates are those of `direction`, eighteen actions those of
-/// `factored`.
+/// What it needs beside its weights. Two coordinates are those of `paddle`, four those of `direction`,
+/// eighteen actions those of `factored`.
 inline PolicyInfo sample_info(const NetworkSpec& network) {
     PolicyInfo info;
     info.game = "Breakout";
     info.agent = "sac";
     info.action_space = network.head.continuous() ? "continuous" : "minimal";
     for (std::int64_t i = 0; i < network.head.num_actions; ++i) info.actions.push_back(static_cast<Event>(i));
+    if (network.head.continuous() && network.head.axes == 2) info.joystick = Joystick::paddle;
     if (network.head.continuous() && network.head.axes == 4) info.joystick = Joystick::direction;
     if (network.head.num_actions == kEventCount) {
         info.action_space = "continuous";

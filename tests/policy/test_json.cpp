@@ -86,6 +86,25 @@ TEST(Json, QuotesAreOneShortLine) {
     accents.append("\u00e9\u00e9");
     cut.append(99, 'x').append("...'");
     EXPECT_EQ(in_quotes(accents), cut) << "no character is cut";
+    EXPECT_EQ(in_quotes("a\x7f\u009b"), R"('a\x7f\xc2\x9b')");
+}
+
+TEST(Json, ListsAreShort) {
+    const auto array_of = [](int size) {
+        std::string text = "[0";
+        for (int i = 1; i < size; ++i) text += ",0";
+        return text + "]";
+    };
+    const auto object_of = [](int size) {
+        std::string text = "{";
+        for (int i = 0; i < size; ++i)
+            text.append(i > 0 ? ",\"" : "\"").append(std::to_string(i)).append("\":0");
+        return text + "}";
+    };
+    EXPECT_TRUE(valid(array_of(100'000)));
+    EXPECT_FALSE(valid(array_of(100'001)));
+    EXPECT_TRUE(valid(object_of(100'000)));
+    EXPECT_FALSE(valid(object_of(100'001)));
 }
 
 }  // namespace

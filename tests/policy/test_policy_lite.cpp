@@ -354,6 +354,17 @@ TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
               "an observation has 5 bytes: it must have 756");
 }
 
+TEST(LitePolicy, AWorkspaceIsNoOtherPolicysAfterItsOwnIsGone) {
+    const auto file = named("sac");
+    for (int i = 0; i < 8; ++i) {
+        auto workspace = policy_of(file).workspace();
+        const auto other = policy_of(file);  // might be where the first one was
+        const auto pixels = random_pixels(other.info().observation_size(), 3);
+        EXPECT_THAT(test::message_of([&] { other.act(pixels, workspace); }),
+                    HasSubstr("made by another policy"));
+    }
+}
+
 TEST(LitePolicy, ADrawHasANumberForEachCoordinate) {
     PolicyInfo info;  // polar: three
     EXPECT_EQ(lite::squashed_decision(info, std::array{0.0f, 0.0f, 0.0f}).event, Event::noop);

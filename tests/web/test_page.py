@@ -373,14 +373,15 @@ class Page(unittest.TestCase):
         self.drop("boxing")
         self.plays_on()
 
-    def test_a_browser_without_simd_is_told_so(self):
-        script = self.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {
-            "source": "WebAssembly.validate = () => false"})
-        try:
-            self.open()
-            self.assertIn("This browser’s WebAssembly has no SIMD", self.message())
-        finally:
-            self.browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+    def test_a_browser_without_simd_or_exceptions_gets_a_sentence(self):
+        for lacking, accepted in (("SIMD", "[]"), ("exceptions", "[31]")):  # by the sizes of the modules that are tried
+            script = self.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {
+                "source": f"WebAssembly.validate = (module) => {accepted}.includes(module.length)"})
+            try:
+                self.open()
+                self.assertIn(f"This browser’s WebAssembly has no {lacking}", self.message())
+            finally:
+                self.browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
     def test_opened_as_a_file_it_says_that_it_needs_a_server(self):
         self.expected_errors = True

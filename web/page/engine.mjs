@@ -5,6 +5,10 @@ import createModule from './cale_module.js';
 const simdModule = new Uint8Array([
     0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11,
 ]);
+/** The smallest one with a `try`. */
+const exceptionsModule = new Uint8Array([
+    0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 10, 8, 1, 6, 0, 6, 64, 25, 11, 11,
+]);
 
 /** Returns what this browser lacks, as a sentence; nothing if it lacks nothing. */
 export function missingFeature() {
@@ -12,6 +16,10 @@ export function missingFeature() {
     if (!WebAssembly.validate(simdModule)) {
         return 'This browser’s WebAssembly has no SIMD, which the emulator and the policy need: Chrome and Edge have it ' +
             'from version 91 on, Firefox from 89, Safari from 16.4.';
+    }
+    if (!WebAssembly.validate(exceptionsModule)) {
+        return 'This browser’s WebAssembly has no exceptions, which the emulator and the policy need: Chrome and Edge have ' +
+            'them from version 95 on, Firefox from 100, Safari from 15.2.';
     }
     return '';
 }

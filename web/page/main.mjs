@@ -200,8 +200,8 @@ async function take(file) {
         if (file.name.endsWith('.safetensors')) return usePolicy(bytes, file.name);
         session.insertRom(bytes);
         roms.add(info.game);
-        begin();
         pause(false);
+        begin();
     } catch (error) {
         say(`${file.name}: ${error.message}.`);
     }
@@ -342,12 +342,15 @@ function connectHand() {
     });
     dial.addEventListener('pointermove', (event) => {
         if (event.buttons & 1) point(event);
-        if (event.pointerType === 'mouse' && event.buttons) hand.pointerFires(Boolean(event.buttons & 2));
+        if (event.pointerType !== 'mouse' || !event.buttons) return;
+        if (!(event.buttons & 1)) hand.point();
+        hand.pointerFires(Boolean(event.buttons & 2));
     });
     for (const type of ['pointerup', 'pointercancel']) {
-        dial.addEventListener(type, () => {
+        dial.addEventListener(type, (event) => {
             hand.point();
-            hand.pointerFires(false);
+            // Another finger may hold the button beside the dial.
+            if (event.pointerType === 'mouse') hand.pointerFires(false);
         });
     }
     const press = (down) => {

@@ -12,7 +12,7 @@ import numpy as np
 
 from cale import _core
 from cale._env import Env
-from cale._settings import texts_of
+from cale._settings import rom_hint, texts_of
 from cale._vector_env import VectorEnv
 
 _EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
@@ -154,10 +154,13 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
         raise ValueError(f"epsilon is {epsilon}: it must lie in [0, 1]")
     life_loss = "true" if policy.info["life_loss_ends_episode"] else "false"  # what the policy sees depends on it
     texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
-    _core.require_playable(policy._core, texts)
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        results = list(pool.map(
-            lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
+    try:
+        _core.require_playable(policy._core, texts)
+        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+            results = list(pool.map(
+                lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
+    except RuntimeError as error:
+        raise rom_hint(error) from None
     returns, lengths, frames = (np.array(column) for column in zip(*results))
     return Evaluation(returns, lengths, frames)
