@@ -21,7 +21,8 @@ fs::path topmost_missing(fs::path path) {
 NewFolder::NewFolder(fs::path path, fs::path topmost)
     : path_(std::move(path)), topmost_(std::move(topmost)) {}
 
-NewFolder::NewFolder(fs::path path) : path_(std::move(path)), topmost_(topmost_missing(path_)) {
+/// Without a slash at its end `path` has the parents that its folders have.
+NewFolder::NewFolder(fs::path path) : path_((path / "").parent_path()), topmost_(topmost_missing(path_)) {
     fs::create_directories(path_);
 }
 

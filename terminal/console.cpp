@@ -149,11 +149,10 @@ Console::Console(std::FILE* out, bool progress_bar)
 void Console::header(std::string_view title, std::span<const std::pair<std::string, std::string>> facts) {
     std::size_t widest = 0;
     for (const auto& [label, value] : facts) widest = std::max(widest, label.size());
-    fmt::print(out_, "{}\n", title);
+    auto text = fmt::format("{}\n", title);
     for (const auto& [label, value] : facts)
-        fmt::print(out_, "  {:<{}}  {}\n", label, widest, printable(value));
-    fmt::print(out_, "\n");
-    std::fflush(out_);
+        text += fmt::format("  {:<{}}  {}\n", label, widest, printable(value));
+    write(text + "\n");
 }
 
 bool Console::due() const {
@@ -170,46 +169,42 @@ void Console::draw(const GamesProgress& progress) {
 
 void Console::report(const Progress& progress) {
     if (bar_) return draw(progress);
-    write_line(progress_line(progress));
+    write(progress_line(progress) + "\n");
 }
 
 void Console::report(const GamesProgress& progress) {
     if (bar_) return draw(progress);
-    write_line(progress_line(progress));
+    write(progress_line(progress) + "\n");
 }
 
 void Console::clear() {
-    if (drawn_) fmt::print(out_, "\r\033[K");
-    std::fflush(out_);
+    if (drawn_) write("\r\033[K");
     drawn_ = false;
     next_draw_ = {};
 }
 
 void Console::message(std::string_view text) {
-    fmt::print(out_, "{}{}\n", drawn_ ? "\r\033[K" : "", printable(text));
-    std::fflush(out_);
+    write(fmt::format("{}{}\n", drawn_ ? "\r\033[K" : "", printable(text)));
     drawn_ = false;
     next_draw_ = {};
 }
 
 void Console::finish(const Progress& progress, std::string_view text) {
     draw(progress);
-    fmt::print(out_, "{}{}\n", drawn_ ? "\n" : "", text);
-    std::fflush(out_);
+    write(fmt::format("{}{}\n", drawn_ ? "\n" : "", text));
     drawn_ = false;
 }
 
 void Console::draw_line(const std::string& bar) {
     // The last column stays free: some terminals wrap a line that fills it. \033[K clears what an
     // earlier, longer line left.
-    fmt::print(out_, "\r{}\033[K", bar);
-    std::fflush(out_);
+    write(fmt::format("\r{}\033[K", bar));
     drawn_ = true;
     next_draw_ = std::chrono::steady_clock::now() + kDrawInterval;
 }
 
-void Console::write_line(const std::string& line) {
-    fmt::print(out_, "{}\n", line);
+void Console::write(std::string_view text) {
+    std::fwrite(text.data(), 1, text.size(), out_);
     std::fflush(out_);
 }
 

@@ -50,7 +50,8 @@ std::string progress_bar(const GamesProgress& progress, int width);
 std::string progress_line(const Progress& progress);
 std::string progress_line(const GamesProgress& progress);
 
-/// Writes to a file that it does not own, which must outlive it.
+/// Writes to a file that it does not own, which must outlive it. What cannot be written is lost: a terminal
+/// that is closed ends no run.
 class Console {
   public:
     /// Draws a bar if `out` is a terminal and `progress_bar` is true, else plain lines.
@@ -77,7 +78,7 @@ class Console {
 
   private:
     void draw_line(const std::string& bar);
-    void write_line(const std::string& line);
+    void write(std::string_view text);
     int width() const;
 
     std::FILE* out_;

@@ -14,7 +14,8 @@ StopSignals::StopSignals() {
     struct sigaction action = {};
     action.sa_handler = [](int signal) {
         requested = signal;
-        for (const int next : kSignals) std::signal(next, SIG_DFL);
+        // A terminal that is closed sends SIGHUP more than once.
+        for (const int next : kSignals) std::signal(next, next == SIGHUP ? SIG_IGN : SIG_DFL);
     };
     action.sa_flags = SA_RESTART;  // so that a checkpoint being written continues
     for (std::size_t i = 0; i < kSignals.size(); ++i) {
@@ -22,10 +23,14 @@ StopSignals::StopSignals() {
         if (kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
         sigaction(kSignals[i], &action, nullptr);
     }
+    struct sigaction ignore = {};
+    ignore.sa_handler = SIG_IGN;
+    sigaction(SIGPIPE, &ignore, &pipe_before_);
 }
 
 StopSignals::~StopSignals() {
     for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
+    sigaction(SIGPIPE, &pipe_before_, nullptr);
 }
 
 bool stop_requested() {

@@ -7,9 +7,9 @@
 
 namespace cale {
 
-/// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next one, of any,
-/// kills the process. A SIGHUP that was ignored before, as under nohup, stays so. Only one may exist at a
-/// time.
+/// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next SIGINT or
+/// SIGTERM kills the process, while another SIGHUP is ignored. So is the first one where it was before, as
+/// under nohup, and SIGPIPE, of a reader of the output that is gone. Only one may exist at a time.
 class StopSignals {
   public:
     StopSignals();
@@ -20,6 +20,7 @@ class StopSignals {
   private:
     static constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP};
     std::array<struct sigaction, kSignals.size()> before_ = {};
+    struct sigaction pipe_before_ = {};
 };
 
 /// Since the newest StopSignals began.

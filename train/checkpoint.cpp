@@ -109,23 +109,17 @@ bool is_good(const StoredCheckpoint& checkpoint, const std::string& file) {
     }
 }
 
+/// Whether the error is that a file is not there, or is none.
+bool is_missing(std::error_code error) {
+    return error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory ||
+           error == std::errc::is_a_directory;
+}
+
 /// A second name for the same file; a copy where the file system has no such thing.
 void link_or_copy(const fs::path& from, const fs::path& to) {
     std::error_code refused;
     fs::create_hard_link(from, to, refused);
     if (refused) write_file_atomically(to, read_file(from));
-}
-
-/// Puts `partial` in the place of `folder`, at one stroke where the file system can.
-void publish(const fs::path& partial, const fs::path& folder) {
-    if (fs::exists(folder) &&
-        ::renameat2(AT_FDCWD, partial.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) {
-        fs::remove_all(partial);
-    } else {
-        fs::remove_all(folder);
-        fs::rename(partial, folder);
-    }
-    sync_name(folder);
 }
 
 /// A folder's contents that are named in a manifest are never deleted under its name: a run killed meanwhile
@@ -135,6 +129,23 @@ void delete_checkpoint(const fs::path& folder) {
     fs::remove_all(partial);
     fs::rename(folder, partial);
     fs::remove_all(partial);
+}
+
+/// Puts `partial` in the place of `folder`, at one stroke where the file system can.
+void publish(const fs::path& partial, const fs::path& folder) {
+    if (fs::exists(folder) &&
+        ::renameat2(AT_FDCWD, partial.c_str(), AT_FDCWD, folder.c_str(), RENAME_EXCHANGE) == 0) {
+        fs::remove_all(partial);
+    } else if (fs::exists(folder)) {
+        const fs::path old = folder.string() + ".old" + kPartial;
+        fs::remove_all(old);
+        fs::rename(folder, old);
+        fs::rename(partial, folder);
+        fs::remove_all(old);
+    } else {
+        fs::rename(partial, folder);
+    }
+    sync_name(folder);
 }
 
 StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with_replay,
@@ -286,9 +297,10 @@ std::vector<fs::path> require_checkpoints(const fs::path& run_dir) {
     if (!fs::exists(run_dir / "config.yaml"))
         throw ResumeError(
             fmt::format("{} holds no run to resume; give --run-dir the folder of one", run_dir.string()));
-    throw ResumeError(fmt::format(
-        "{} holds no checkpoint to resume from; {}", run_dir.string(),
-        has_begun(run_dir) ? "give --run-dir another folder" : "start the run again, without --resume"));
+    const bool may_start = fs::exists(run_dir / "metadata.json") && !has_begun(run_dir);
+    throw ResumeError(
+        fmt::format("{} holds no checkpoint to resume from; {}", run_dir.string(),
+                    may_start ? "start the run again, without --resume" : "give --run-dir another folder"));
 }
 
 bool has_begun(const fs::path& run_dir) {
@@ -313,6 +325,14 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool wi
         try {
             checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);
             return checkpoint;
+        } catch (const std::system_error& error) {
+            // It may be whole, and would be deleted as one that was passed over.
+            if (!is_missing(error.code()))
+                throw ResumeError(
+                    fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it "
+                                "away to resume from the one before",
+                                folder->string(), failure_sentence(error)));
+            pass_over(failure_sentence(error));
         } catch (const std::exception& error) {
             pass_over(failure_sentence(error));
         }

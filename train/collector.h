@@ -57,7 +57,6 @@ class Collector {
     };
     /// Returns World::metrics().
     std::map<std::string, double> metrics() const { return world_->metrics(); }
-    const ProcessGroup& processes() const { return processes_; }
 
     /// Returns everything, between record() and step(): frames, stack, episode_returns, episode_lengths, and
     /// of each environment game.<i>.NAME (see EpisodeRecord). Must be called by all processes together, after

@@ -55,6 +55,8 @@ class Metadata {
     /// Begins a session. `trained_seconds`: the run's earlier training time, used if the file does not record
     /// it.
     void resume(const Session& session, double trained_seconds);
+    /// Whether this process's session is part of them: of a run that is resumed, once it has begun.
+    bool has_begun() const { return has_begun_; }
     void add_change(const std::string& changes);
     /// The key of the setting by which a schedule lasts for the whole run; empty: there is none.
     void set_schedule_over_run(const std::string& key);
@@ -69,6 +71,7 @@ class Metadata {
     explicit Metadata(const std::filesystem::path& run_dir);
     std::filesystem::path file_;
     std::unique_ptr<Contents> contents_;
+    bool has_begun_ = true;
     double seconds_before_ = 0;  // of earlier sessions
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };

@@ -160,11 +160,16 @@ void require_no_run(const fs::path& run_dir) {
             fmt::format("--run-dir {}: it is in the folder of another run, {}; choose another one",
                         run_dir.string(), folder.string()));
     }
-    const bool config_of_a_user = fs::exists(run_dir / "config.yaml") && !is_run(run_dir);
-    if (!config_of_a_user && !has_begun(run_dir)) return;
-    throw ConfigError(fmt::format(
-        "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
-        run_dir.string()));
+    if (has_begun(run_dir)) {
+        throw ConfigError(fmt::format(
+            "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
+            run_dir.string()));
+    }
+    if (fs::exists(run_dir / "config.yaml") && !is_run(run_dir)) {
+        throw ConfigError(fmt::format(
+            "--run-dir {}: its config.yaml is no run's, and would be replaced; choose another folder",
+            run_dir.string()));
+    }
 }
 
 /// Without --run-dir no other process gets the same.
@@ -207,11 +212,11 @@ void check_length(const TrainingProgram& program, const fs::path& run_dir) {
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
 /// and do not make other games of those under way.
 std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir, bool accept) {
-    require_checkpoints(run_dir);
+    const auto newest = require_checkpoints(run_dir).back();
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
-        throw ResumeError(fmt::format("--resume: {} is missing, so {} is not the folder of a run",
-                                      file.string(), run_dir.string()));
+        throw ResumeError(fmt::format("--resume: {} is missing; copy {} there", file.string(),
+                                      (newest / "config.yaml").string()));
     }
     std::string different, of_the_games;
     for (const auto& [key, now, before] : changes_since(program, run_dir)) {
@@ -264,6 +269,7 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
     } catch (const ResumeError&) {
         throw;  // nothing has been trained
     } catch (const std::exception& error) {
+        if (!metadata->has_begun()) throw;  // nor here
         try {
             metadata->stop(failure_sentence(error));
             metadata->write();

@@ -219,10 +219,20 @@ void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
     stop_ = agreed_to_stop(together);
 }
 
+/// Whether a longer run has an evaluation at this step, too.
+bool Recorder::last_evaluation_due() const {
+    const auto& eval = settings_.eval;
+    return eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
+}
+
 Outcome Recorder::finish() {
     const bool complete = state_.step >= settings_.train.total_steps;
+    // A run that was killed behind the checkpoint of its last evaluation does not play that again.
+    const bool evaluated = state_.score && state_.score->evaluated;
     if (written_step_ != state_.step) {
         if (complete) {
+            // So that this run, if it is made longer, plays what is cut off now.
+            state_.evaluation_due = last_evaluation_due() && !evaluated;
             write_scheduled_checkpoint();
         } else {
             write_checkpoint();
@@ -231,8 +241,6 @@ Outcome Recorder::finish() {
     write_last_row();
     draw_curve();
     if (files_) files_->checkpoints.finish();
-    // A run that was killed behind the checkpoint of its last evaluation does not play that again.
-    const bool evaluated = state_.score && state_.score->evaluated;
     if (!complete || (!evaluated && !run_last_evaluation())) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
@@ -417,13 +425,13 @@ bool Recorder::run_evaluation() {
 /// The evaluation at the end, behind the last checkpoint, which is written once more with its score and what
 /// it drew. Returns false where a signal has cut it off.
 bool Recorder::run_last_evaluation() {
-    // A longer run plays it, too, where it is due at this step; else it must not know of it.
-    const auto& eval = settings_.eval;
-    const bool due = eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
+    // A longer run must not know of one that it does not have.
+    const bool due = last_evaluation_due();
     const bool forgets = !due && evaluations_decide() && options_.processes.single();
     const auto agent_before = forgets ? agent_.state() : TensorMap();
     if (!run_evaluation()) return false;
     if (forgets) agent_.load_state(agent_before);
+    state_.evaluation_due = false;
     if (due || evaluations_decide()) write_checkpoint();
     return true;
 }

@@ -55,6 +55,7 @@ class Recorder {
     void write_checkpoint();
     void write_scheduled_checkpoint();
     bool run_evaluation();
+    bool last_evaluation_due() const;
     bool run_last_evaluation();
     std::map<std::string, double> newest_metrics();
     std::string closing_line() const;

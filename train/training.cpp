@@ -3,6 +3,8 @@
 #include <future>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include "terminal/stop_signals.h"
 #include "train/checkpoint.h"
 #include "train/collector.h"
@@ -45,6 +47,12 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
                                          [&](const TensorMap& stored) { collector.restore(stored); });
     }
     RunState state = resumed ? resumed->state : RunState{};
+    options.processes.require_same(
+        fmt::format("{} {}", state.step, options.until),
+        fmt::format(
+            "the processes of this run do not begin at the same agent step (this one at {}), or do not "
+            "have the same --until; give all of them the same command line and the same files",
+            state.step));
     Recorder recorder(agent, collector, state, world, settings, options, resumed ? &*resumed : nullptr);
     auto& time = recorder.time;
 

@@ -41,7 +41,7 @@ enum class Outcome { finished, paused, interrupted };
 /// if evaluations are enabled, eval/ and videos/.
 ///
 /// Pauses at TrainOptions::until after a checkpoint, as if it had been interrupted there.
-/// SIGINT and SIGTERM end it early, after a checkpoint; a second signal ends the program at once. Throws
+/// SIGINT, SIGTERM and SIGHUP end it early, after a checkpoint (terminal/stop_signals.h). Throws
 /// std::runtime_error if the disk fails or a logged value is not finite (earlier checkpoints are intact), and
 /// ResumeError.
 Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& settings,

@@ -152,6 +152,18 @@ TEST(ConsoleWithoutTerminal, WritesPlainLines) {
                   progress_line(halfway()) + "\na warning\nResults are in runs/pong\n");
 }
 
+TEST(ConsoleWithoutTerminal, LosesWhatCannotBeWritten) {
+    std::FILE* full = std::fopen("/dev/full", "w");
+    std::setvbuf(full, nullptr, _IONBF, 0);  // as the standard error
+    Console console(full);
+    console.header("cale 0.1.0: SAC", {});
+    console.report(halfway());
+    console.message("a warning");
+    console.finish(halfway(), "Results are in runs/pong");
+    EXPECT_NE(std::ferror(full), 0);
+    std::fclose(full);
+}
+
 /// A pseudo terminal of `columns` columns.
 class Terminal {
   public:

@@ -136,6 +136,13 @@ TEST_F(DistributedEmulator, WhatCannotBeSharedIsRefused) {
     EXPECT_THAT(differ.other,
                 HasSubstr("process 1 of 2: the processes of this run were started with different"));
 
+    const auto parted = run("parted").string();
+    const auto pauses = start_two(fmt::format("{} --run-dir {}", kSettings, parted),
+                                  fmt::format("{} --run-dir {} --until 80", kSettings, parted));
+    EXPECT_EQ(pauses.code, 1);
+    for (const auto& said : {pauses.first, pauses.other})
+        EXPECT_THAT(said, HasSubstr("do not have the same --until; give all of them the same command line"));
+
     const auto beside = start_two(fmt::format("{} --run-dir {} train.overlap=true", kSettings, dir));
     EXPECT_EQ(beside.code, 2);
     EXPECT_THAT(beside.first, HasSubstr("learns beside its environments in one process only"));

@@ -219,7 +219,8 @@ TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
 TEST(ProgramEmulator, MetadataSayWhyARunStopped) {
     struct Stopping : Walk {
         torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (++decisions == 5) raise(SIGHUP);
+            if (++decisions == 5)
+                for (const int twice : {SIGHUP, SIGHUP}) raise(twice);
             return Walk::act(observations, mode);
         }
         int decisions = 0;
@@ -422,8 +423,27 @@ TEST(ProgramEmulator, ARunThatWasStoppedBeforeItsFirstCheckpointCanBeStarted) {
 TEST(ProgramEmulator, AConfigurationThatIsNoRunsIsNotOverwritten) {
     const TemporaryFolder folder;
     folder.write("config.yaml", "env: {game: pong}\n");
-    EXPECT_EQ(train_sac(small(folder.path())).code, 2);
+    const auto refused = train_sac(small(folder.path()));
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_EQ(
+        refused.stderr_text,
+        fmt::format("train_sac: --run-dir {}: its config.yaml is no run's, and would be replaced; choose "
+                    "another folder\n",
+                    folder.path().string()));
     EXPECT_EQ(folder.read("config.yaml"), "env: {game: pong}\n");
+    EXPECT_THAT(train_sac({"--resume", "--run-dir", folder.path().string()}).stderr_text,
+                testing::HasSubstr("holds no checkpoint to resume from; give --run-dir another folder\n"));
+}
+
+TEST(ProgramEmulator, ARunThatCannotBeResumedStaysFinished) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    folder.write("episodes.csv", "");
+    const auto refused = train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress"});
+    EXPECT_EQ(refused.code, 1);
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("episodes.csv"));
+    EXPECT_EQ(metadata_of(folder.path())["finished"], true);
+    EXPECT_EQ(metadata_of(folder.path())["stopped"], nullptr);
 }
 
 TEST(ProgramEmulator, ACheckpointsFolderIsNoRunsAndStaysAsItIs) {

@@ -531,6 +531,29 @@ TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
         EXPECT_TRUE(fs::exists(folder.path() / "eval" / csv)) << csv;
 }
 
+TEST_F(TrainingEmulator, AnInterruptedLastEvaluationIsPlayedByALongerRun) {
+    struct InterruptedInLastEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && steps == 100) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } agent(1);
+    train_config.total_steps = 100;
+    eval.every = 50;
+    eval.video = false;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    const auto last = folder.path() / "eval" / "step_000000100.csv";
+    EXPECT_FALSE(fs::exists(last));
+
+    options.resume = true;
+    train_config.total_steps = 120;
+    ScribeAgent longer(1);
+    EXPECT_EQ(train(longer), Outcome::finished);
+    EXPECT_TRUE(fs::exists(last));
+    EXPECT_TRUE(fs::exists(folder.path() / "eval" / "step_000000120.csv"));
+}
+
 TEST_F(TrainingEmulator, ANumberThatIsNotFiniteStopsTheRun) {
     struct Diverging : ScribeAgent {
         using ScribeAgent::ScribeAgent;
