@@ -293,6 +293,8 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     drop_games_after(evaluation.games, plan.steps);
     for (auto number = std::ssize(evaluation.games); number < begun && !plan.step_logs.empty(); ++number)
         std::filesystem::remove(step_log_file(plan, number));
+    if (!plan.video.empty() && plan.filmed_game >= std::ssize(evaluation.games))
+        std::filesystem::remove(plan.video);
     add_up(evaluation);
     return evaluation;
 }

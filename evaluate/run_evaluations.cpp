@@ -56,7 +56,8 @@ bool is_run(const fs::path& folder) {
 
 void collect(const fs::path& folder, std::vector<fs::path>& runs) {
     for (const auto& entry : fs::directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
-        if (!entry.is_directory()) continue;
+        std::error_code lost;  // of a link that leads nowhere
+        if (!entry.is_directory(lost)) continue;
         if (is_run(entry.path())) {
             runs.push_back(entry.path());
         } else if (!entry.is_symlink()) {

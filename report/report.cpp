@@ -4,6 +4,9 @@
 #include <system_error>
 #include <utility>
 
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include "report/csv.h"
 #include "report/figures.h"
 #include "report/tables.h"
@@ -50,7 +53,7 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
                                    const fs::path& folder, bool with_script) {
     const auto pictures = figures(comparison);
     // The whole report is written before any of it takes the place of an earlier one.
-    const PartialFolder partial(folder / ".partial");
+    const PartialFolder partial(folder / fmt::format(".partial-{}", ::getpid()));
     std::vector<std::string> names;
     const auto next = [&](const std::string& name) { return partial.path() / names.emplace_back(name); };
     write_text(next("report.html"), to_html(comparison, pictures, origin, with_script));

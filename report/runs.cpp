@@ -249,32 +249,42 @@ std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view 
     return files;
 }
 
-struct Evaluations {
-    fs::path folder{};
-    std::string protocol{kOwnEvaluations};
+/// How evaluations were made: what their protocol.json holds.
+struct Protocol {
+    std::string text{kOwnEvaluations};  // "protocol fixed_episodes, games 100, epsilon 0.001, ..."
+    std::int64_t games = 0;             // that were asked for; 0: there was another limit
+    std::map<std::string, std::string> settings{};  // of the environment, that were changed
 };
 
-/// "protocol fixed_episodes, games 100, epsilon 0.001, ..."; none where another game was played.
-std::optional<std::string> read_protocol(const fs::path& path) {
+struct Evaluations {
+    fs::path folder{};
+    Protocol protocol{};
+};
+
+/// None where another game was played.
+std::optional<Protocol> read_protocol(const fs::path& path) {
     std::ifstream file(path);
     const auto json = nlohmann::ordered_json::parse(file, nullptr, false);
     if (!json.is_object()) throw std::runtime_error(path.string() + " is damaged: it is no JSON object");
-    std::string text;
+    Protocol protocol{.text = {}};
     for (const auto& [name, value] : json.items()) {
         if (name == "settings" && value.contains("env.game")) return std::nullopt;
         if (value.is_null() || value.empty()) continue;
-        text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name,
-                            value.is_string() ? value.get<std::string>() : value.dump());
+        protocol.text += fmt::format("{}{} {}", protocol.text.empty() ? "" : ", ", name,
+                                     value.is_string() ? value.get<std::string>() : value.dump());
+        if (name == "games" && value.is_number_unsigned()) protocol.games = value.get<std::int64_t>();
+        if (name != "settings") continue;
+        for (const auto& [key, changed] : value.items())
+            if (changed.is_string()) protocol.settings[key] = changed.get<std::string>();
     }
-    return text;
+    return protocol;
 }
 
 /// Those that `cale evaluate` made of a folder of runs: the ones of the newest checkpoint, of several the
-/// ones with the most games. Else those that the run made itself.
+/// ones that asked for the most games, which are the same of all runs. Else those that the run made itself.
 Evaluations evaluations_of(const fs::path& run) {
     Evaluations best{.folder = run / "eval"};
     std::pair<std::size_t, std::string> best_step;
-    std::size_t most_games = 0;
     if (!fs::is_directory(run / "evaluations")) return best;
     const fs::directory_iterator entries(run / "evaluations");
     const std::set<fs::path> folders(begin(entries), end(entries));
@@ -283,13 +293,11 @@ Evaluations evaluations_of(const fs::path& run) {
         if (files.empty()) continue;
         const auto name = files.back().filename().string();
         const std::pair step(name.size(), name);
-        const auto games = read_csv(files.back()).rows.size();
-        if (std::pair(step, games) <= std::pair(best_step, most_games)) continue;
+        if (step < best_step) continue;
         const auto protocol = read_protocol(folder / "protocol.json");
-        if (!protocol) continue;
+        if (!protocol || (step == best_step && protocol->games <= best.protocol.games)) continue;
         best = {folder, *protocol};
         best_step = step;
-        most_games = games;
     }
     return best;
 }
@@ -300,7 +308,7 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
         throw std::runtime_error(
             "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
             "runs");
-    run.settings["evaluation"] = evaluations.protocol;
+    run.settings["evaluation"] = evaluations.protocol.text;
     for (const auto& path : files) {
         const auto table = read_whole_csv(path);
         const auto column = table.find("return");
@@ -413,7 +421,12 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     } else {
         const auto evaluations = evaluations_of(folder);
         read_evaluations(run, evaluations);
-        if (evaluations.protocol != kOwnEvaluations) run.settings.erase("eval.noop_max");
+        if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");
+        // The rules are those that were played by.
+        auto settings = run.settings;
+        for (const auto& [key, value] : evaluations.protocol.settings) settings[key] = value;
+        run.env = env_of(settings);
+        if (run.env) run.env->game = run.game->name;
         run.reached = run.steps.back();
         run.finished = run.finished && run.reached >= run.total_steps;
         if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty())

@@ -39,7 +39,8 @@ enum TrainExit { kDone = 0, kUsage = 2, kCannotResume = 3 };
 volatile std::sig_atomic_t stops = 0;
 volatile std::sig_atomic_t interrupts = 0;
 
-/// While it lives, signals that ask for an end are counted. One that was ignored (nohup) stays so.
+/// While it lives, signals that ask for an end are counted. One that was ignored (nohup) stays so, and
+/// SIGPIPE, of a reader of the output that is gone, is.
 class CountedSignals {
   public:
     CountedSignals() {
@@ -54,9 +55,13 @@ class CountedSignals {
             sigaction(kSignals[i], nullptr, &before_[i]);
             if (before_[i].sa_handler != SIG_IGN) sigaction(kSignals[i], &action, nullptr);
         }
+        struct sigaction ignore = {};
+        ignore.sa_handler = SIG_IGN;
+        sigaction(SIGPIPE, &ignore, &pipe_before_);
     }
     ~CountedSignals() {
         for (std::size_t i = 0; i < std::size(kSignals); ++i) sigaction(kSignals[i], &before_[i], nullptr);
+        sigaction(SIGPIPE, &pipe_before_, nullptr);
     }
     CountedSignals(const CountedSignals&) = delete;
     CountedSignals& operator=(const CountedSignals&) = delete;
@@ -64,6 +69,7 @@ class CountedSignals {
   private:
     static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
     struct sigaction before_[3] = {};
+    struct sigaction pipe_before_ = {};
 };
 
 /// A run, and what became of it so far.

@@ -71,7 +71,7 @@ std::string slurm_script(const fs::path& folder, std::span<const std::string> na
     std::string script =
         "#!/bin/bash\n# Written by cale sweep --launcher slurm: a task for each of the runs below.\n";
     const auto directive = [&](const std::string& option) { script += fmt::format("#SBATCH {}\n", option); };
-    directive("--job-name=" + options.name);
+    directive(fmt::format("--job-name=\"{}\"", options.name));
     directive(fmt::format("--array=0-{}{}", names.size() - 1,
                           options.at_once > 0 ? fmt::format("%{}", options.at_once) : ""));
     directive("--ntasks=1");

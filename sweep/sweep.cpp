@@ -29,18 +29,22 @@ namespace fs = std::filesystem;
 
 namespace {
 
-bool matches(const std::string& name, const std::vector<std::string>& patterns) {
-    return patterns.empty() || std::any_of(patterns.begin(), patterns.end(), [&](const std::string& pattern) {
-               return ::fnmatch(pattern.c_str(), name.c_str(), 0) == 0;
-           });
+bool matches(const std::string& name, const std::string& pattern) {
+    return ::fnmatch(pattern.c_str(), name.c_str(), 0) == 0;
 }
 
+/// Keeps the runs whose names match one of the patterns; all, where there is none.
 void keep_only(std::vector<SweepRun>& runs, const std::vector<std::string>& patterns) {
-    const auto example = runs.front().name;
-    std::erase_if(runs, [&](const SweepRun& run) { return !matches(run.name, patterns); });
-    if (runs.empty())
-        throw ConfigError(fmt::format("--only {}: no run has such a name; one is called {}",
-                                      fmt::join(patterns, " "), example));
+    for (const auto& pattern : patterns) {
+        if (std::ranges::none_of(runs, [&](const SweepRun& run) { return matches(run.name, pattern); }))
+            throw ConfigError(fmt::format("--only {}: no run has such a name; one is called {}", pattern,
+                                          runs.front().name));
+    }
+    std::erase_if(runs, [&](const SweepRun& run) {
+        return !patterns.empty() && std::ranges::none_of(patterns, [&](const auto& pattern) {
+            return matches(run.name, pattern);
+        });
+    });
 }
 
 std::size_t width_of(std::FILE* out) {
@@ -178,8 +182,10 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     if (lines.empty())
         fmt::print(out, "nothing to submit: all runs are finished, running{} queued\n",
                    refused.empty() ? " or" : ", refused or");
-    fmt::print(out, "how they stand: cale sweep {} --dir {} --status\n", options.file.string(),
-               options.folder.empty() ? folder.string() : options.folder.string());
+    std::vector<std::string> status{"cale", "sweep", options.file.string(), "--dir",
+                                    options.folder.empty() ? folder.string() : options.folder.string()};
+    for (const auto& text : options.overrides) status.insert(status.end(), {"--set", text});
+    fmt::print(out, "how they stand: {} --status\n", shell_text(status));
     return exit_code;
 }
 

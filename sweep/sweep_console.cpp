@@ -26,8 +26,7 @@ SweepConsole::SweepConsole(std::FILE* out, bool live_table)
 
 void SweepConsole::say(const std::string& line) {
     clear();
-    fmt::print(out_, "{}\n", printable(line));
-    std::fflush(out_);
+    write(printable(line) + "\n");
     if (live_) next_ = {};
 }
 
@@ -40,8 +39,7 @@ void SweepConsole::show(std::span<const RunRow> runs) {
         next_ = std::chrono::steady_clock::now() + kDrawInterval;
     } else {
         next_ = std::chrono::steady_clock::now() + kSummaryInterval;
-        fmt::print(out_, "{}\n", summary(runs));
-        std::fflush(out_);
+        write(summary(runs) + "\n");
         return;
     }
     winsize size{};
@@ -56,8 +54,7 @@ void SweepConsole::show(std::span<const RunRow> runs) {
     }
     const auto text = summary(runs).substr(0, width) + "\n" + table(running, width);
     clear();
-    fmt::print(out_, "{}", text);
-    std::fflush(out_);
+    write(text);
     lines_drawn_ = static_cast<int>(std::count(text.begin(), text.end(), '\n'));
 }
 
@@ -66,8 +63,13 @@ void SweepConsole::finish(std::span<const RunRow> runs) {
 }
 
 void SweepConsole::clear() {
-    if (lines_drawn_ > 0) fmt::print(out_, "\033[{}A\033[J", lines_drawn_);
+    if (lines_drawn_ > 0) write(fmt::format("\033[{}A\033[J", lines_drawn_));
     lines_drawn_ = 0;
+}
+
+void SweepConsole::write(std::string_view text) {
+    std::fwrite(text.data(), 1, text.size(), out_);
+    std::fflush(out_);
 }
 
 }  // namespace cale

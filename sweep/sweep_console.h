@@ -5,12 +5,13 @@
 #include <cstdio>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "sweep/table.h"
 
 namespace cale {
 
-/// Writes to a file that it does not own, which must outlive it.
+/// Writes to a file that it does not own, which must outlive it. What cannot be written is lost.
 class SweepConsole {
   public:
     /// Draws a live table if `out` is a terminal and `live_table` is true; else a summary every five minutes.
@@ -27,6 +28,7 @@ class SweepConsole {
 
   private:
     void clear();
+    void write(std::string_view text);
 
     std::FILE* out_;
     bool live_;

@@ -134,6 +134,8 @@ class Reader {
         } catch (const std::system_error& error) {
             throw ConfigError(
                 fmt::format("cannot read '{}': {}{}", file_.string(), error.code().message(), others()));
+        } catch (const std::runtime_error& error) {
+            throw ConfigError(error.what());
         }
         try {
             return parse_yaml(text);
@@ -305,11 +307,16 @@ void override_key(Contents& contents, const std::string& text) {
     };
     replace(contents.grid);
     for (auto& variant : contents.variants) replace(variant);
-    if (varies) return;
-    if (axis.values.size() > 1) {
+    auto* const common = find(contents.common, key);
+    if (varies && (common == nullptr || find(contents.grid, key) != nullptr)) return;
+    if (axis.values.size() > 1 && varies) {
+        // The other variants had the value of `set`.
+        for (auto& variant : contents.variants)
+            if (find(variant, key) == nullptr) variant.push_back(axis);
+    } else if (axis.values.size() > 1) {
         contents.grid.push_back(axis);
-    } else if (auto* found = find(contents.common, key)) {
-        *found = axis;
+    } else if (common != nullptr) {
+        *common = axis;
     } else {
         contents.common.push_back(axis);
     }
@@ -409,7 +416,9 @@ class RunMaker {
         run.agent = agent;
         if (!config.empty()) {
             if (const auto at = config.find("{agent}"); at != std::string::npos) config.replace(at, 7, agent);
-            run.config = (fs::absolute(file_).parent_path() / config).lexically_normal();
+            // `..` behind a link is the parent of what that leads to.
+            run.config =
+                (fs::weakly_canonical(fs::absolute(file_).parent_path()) / config).lexically_normal();
         }
         const auto name = [&](const std::string& of_sample) {
             return fmt::format("{}__{}{}{}__{}", run.game, file_name(agent), middle, of_sample,

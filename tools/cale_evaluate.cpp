@@ -179,10 +179,15 @@ EvaluationProtocol protocol_of(const Options& options) {
         const auto key = setting.substr(0, setting.find('='));
         protocol.settings[key] = key == "env.game" ? only_game(env).rom : table.at(key).get();
     }
-    for (const auto* without_effect : {"env.rom_dir", "env.env_threads", "env.num_envs"})
+    for (const auto* without_effect :
+         {"env.rom_dir", "env.env_threads", "env.num_envs", "env.terminal_on_life_loss"})
         protocol.settings.erase(without_effect);
     return protocol;
 }
+
+struct EvaluatedElsewhere : std::runtime_error {
+    EvaluatedElsewhere() : std::runtime_error("another process is evaluating it") {}
+};
 
 /// Plays what is left to play of the games of a run's newest checkpoint.
 EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& protocol, Task task,
@@ -191,7 +196,7 @@ EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& 
     const auto folder = evaluations_folder(run, protocol);
     const auto name = evaluation_name(steps);
     make_evaluations_folder(folder, protocol);
-    if (RunLock::is_taken(folder)) throw std::runtime_error("another process is evaluating it");
+    if (RunLock::is_taken(folder)) throw EvaluatedElsewhere();
     const RunLock lock(folder);
     if (const auto result = evaluation_result(folder, steps)) return *result;
     const auto partial = folder / (name + ".partial");
@@ -245,7 +250,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
         } catch (const std::exception& error) {
             row.failure = failure_sentence(error);
             console.message(fmt::format("[{}] {}: {}", number, row.run, row.failure));
-            exit_code = 1;
+            if (dynamic_cast<const EvaluatedElsewhere*>(&error) == nullptr) exit_code = 1;
         }
     }
     std::fputs(evaluation_table(rows).c_str(), stdout);

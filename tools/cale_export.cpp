@@ -48,8 +48,9 @@ void export_file(const Options& options) {
 }
 
 void export_page(const Options& options) {
+    const auto page = built_page();
     make_output_folder("--web", options.web);
-    const auto info = export_web_page(options.from, built_page(), options.web);
+    const auto info = export_web_page(options.from, page, options.web);
     fmt::print(
         "{}: {}\nTo see it: python3 -m http.server --directory {}, then http://localhost:8000 and a ROM of "
         "{}\n",

@@ -162,13 +162,13 @@ void report(Options options) {
     auto found = find_runs(paths, options.config.score);
     if (!paths.empty()) require_runs(found);
     std::ranges::move(recorded, std::back_inserter(found.runs));
+    const auto folder = output_folder(options);
+    make_output_folder("--output", folder);
     const Comparison comparison = compare(std::move(found), baselines, options.config);
     const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
     const PageOrigin origin{.command = command_line(),
                             .version = fmt::format("cale {}", cale_version()),
                             .time = fmt::format("{:%Y-%m-%d %H:%M} UTC", fmt::gmtime(now))};
-    const auto folder = output_folder(options);
-    make_output_folder("--output", folder);
     const auto files = write_report(comparison, origin, folder, options.web);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
@@ -195,11 +195,11 @@ void add_report(CLI::App& app) {
     auto& config = options->config;
     command
         .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
-        ->type_name("FOLDER");
+        ->type_name("DIR");
     command
         .add_option("-o,--output", options->output,
                     "the folder to write to; else reports/<name of the first of RUNS>")
-        ->type_name("FOLDER");
+        ->type_name("DIR");
     auto* baselines = command
                           .add_option("--baselines", options->baselines,
                                       "what to draw beside, with commas: published scores, by their columns "

@@ -34,10 +34,10 @@ Completion completion_of(std::string_view value) {
         return {Kind::words, words};
     }
     if (value == "GAME") return {Kind::words, game_words()};
-    if (value == "DEVICE") return {Kind::words, "cpu cuda"};
+    if (value == "DEVICE") return {Kind::words, "auto cpu cuda"};
     if (value == "KEY=VALUE") return {Kind::setting};
     if (value == "FILE.yaml") return {Kind::yaml_file};
-    if (value.starts_with("FILE") || value.starts_with("RUN")) return {Kind::file};
+    if (value.starts_with("FILE") || value.starts_with("RUN") || value.ends_with(".csv")) return {Kind::file};
     if (value.starts_with("DIR")) return {Kind::folder};
     return {};
 }
@@ -283,7 +283,8 @@ std::string fish_script(std::span<const CommandWords> programs) {
             const auto argument = completion_of(command.argument);
             if (argument.kind == Kind::file)
                 script += fmt::format("complete -c {}{} -F\n", program.name, when);
-            if (argument.kind == Kind::words || argument.kind == Kind::setting) {
+            if (argument.kind == Kind::words || argument.kind == Kind::setting ||
+                argument.kind == Kind::folder) {
                 const std::string action = fish_action(argument, name).substr(3);  // no option: without -x
                 script += fmt::format("complete -c {}{}{}\n", program.name, when, action);
             }

@@ -200,6 +200,10 @@ void make_output_folder(std::string_view option, const fs::path& folder) {
         throw ConfigError(fmt::format("{} {}: this folder cannot be made: {}; give another", option,
                                       folder.string(), error.message()));
     }
+    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
+        throw ConfigError(fmt::format("{} {}: this folder cannot be written: {}; give another", option,
+                                      folder.string(), std::strerror(errno)));
+    }
 }
 
 void check_output_file(std::string_view option, const fs::path& file) {

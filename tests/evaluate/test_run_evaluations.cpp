@@ -31,6 +31,7 @@ TEST(RunFolders, AreInTheOrderOfTheirNamesAndNumbers) {
     folder.write("settings/config.yaml", "");
     fs::create_directory_symlink(folder / "Pong__sac__9", folder / "link");
     fs::create_directory_symlink(folder.path(), folder / "deep" / "loop");
+    fs::create_directory_symlink("itself", folder / "itself");
     std::vector<std::string> names;
     for (const auto& run : run_folders(folder.path()))
         names.push_back(run.lexically_relative(folder.path()).string());

@@ -405,15 +405,27 @@ TEST_F(Runs, AreScoredByTheEvaluationsOfCaleEvaluateBeforeTheirOwn) {
     folders_.write(many + "/step_000000100_events.csv", "event,count\nFIRE,3\n");
     folders_.write(other + "/protocol.json", R"({"games": 3, "settings": {"env.game": "breakout"}})");
     folders_.write(other + "/step_000000100.csv", games + "0,1,7,28\n1,1,7,28\n2,1,7,28\n");
+    const std::string steps = "a/evaluations/fixed_steps-0";
+    folders_.write(steps + "/protocol.json", R"({"protocol": "fixed_steps", "games": null, "steps": 21})");
+    folders_.write(steps + "/step_000000100.csv", games + "0,1,7,28\n1,1,7,28\n2,1,7,28\n");
     const auto chosen = found(ScoreKind::evaluation).runs;
     ASSERT_THAT(chosen, SizeIs(2));
-    EXPECT_EQ(chosen[0].score(), -18);
+    EXPECT_EQ(chosen[0].score(), -18) << "of games as many as were asked for count, not as were played";
     EXPECT_THAT(chosen[0].steps, ElementsAre(100));
     EXPECT_EQ(chosen[0].games_in_score, 2);
     EXPECT_EQ(chosen[0].settings.at("evaluation"), "protocol fixed_episodes, games 2");
     EXPECT_THAT(chosen[0].event_shares, Contains(1.0));
     EXPECT_THAT(group_runs(chosen, {}), SizeIs(2)) << "runs that were evaluated otherwise are another group";
     EXPECT_FALSE(found(ScoreKind::training).runs.at(0).settings.contains("evaluation"));
+}
+
+TEST_F(Runs, AnEvaluationIsBesideTheRulesThatItWasPlayedBy) {
+    folders_.run("a", "sac", "Pong", 1, {-21}, "env: {action_space: minimal, mode: 0}\n");
+    folders_.write("a/evaluations/x/protocol.json", R"({"games": 1, "settings": {"env.mode": "1"}})");
+    folders_.write("a/evaluations/x/step_000000100.csv", "episode,return,length,frames\n0,7,1,4\n");
+    EXPECT_EQ(found().runs.at(0).env->mode, 0);
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).env->mode, 1);
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).settings.at("env.mode"), "0") << "of the training";
 }
 
 TEST_F(Runs, TheSameRunTwiceCountsOnce) {

@@ -69,7 +69,7 @@ TEST_F(Slurm, TheScriptIsAnArrayWithATaskForEachRun) {
     const std::vector<std::string> names = {"Pong__sac__1", "Pong__sac__2"};
     const auto script = slurm_script("/my sweep", names, 3'000'000'000, wanted);
     for (const auto* line :
-         {"#!/bin/bash\n", "\n#SBATCH --job-name=mine\n", "\n#SBATCH --array=0-1%8\n",
+         {"#!/bin/bash\n", "\n#SBATCH --job-name=\"mine\"\n", "\n#SBATCH --array=0-1%8\n",
           "\n#SBATCH --cpus-per-task=2\n", "\n#SBATCH --mem=2862M\n",
           "\n#SBATCH --output=\"/my sweep/slurm/%A_%a.out\"\n", "\n#SBATCH --requeue\n",
           "\n#SBATCH --signal=B:USR1@120\n#SBATCH --time=8:00:00\n#SBATCH --partition=gpu\n",

@@ -161,6 +161,8 @@ TEST_F(SweepCommand, NothingIsStartedAfterAMistake) {
     options_.only = {"Ping*"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
                 HasSubstr("--only Ping*: no run has such a name; one is called Pong__fake__1"));
+    options_.only = {"Pong*", "Ping*"};
+    EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }), HasSubstr("--only Ping*: no run"));
     options_.only = {};
     options_.overrides = {"agent.typo=1"};
     EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }), HasSubstr("unknown key 'agent.typo'"));

@@ -137,6 +137,31 @@ TEST_F(SweepFile, TheCommandLineReplacesValuesAndAddsKeys) {
     EXPECT_EQ(read(small_, {"config=mine.yaml"}).runs[0].config, std::filesystem::absolute("mine.yaml"));
 }
 
+TEST_F(SweepFile, TheCommandLineReplacesValuesOfSetBesideThoseOfVariants) {
+    const std::string text =
+        "set: {env.game: pong, train.seed: 1, agent.gamma: 0.9}\n"
+        "variants: [{agent: sac, agent.gamma: 0.95}, {agent: dqn}]\n";
+    const auto gammas = [&](const std::string& override_) {
+        std::vector<std::string> result;
+        for (const auto& run : read(text, {override_}).runs)
+            for (const auto& [key, value] : run.settings)
+                if (key == "agent.gamma") result.push_back(run.agent + " " + value);
+        return result;
+    };
+    EXPECT_THAT(gammas("agent.gamma=0.5"), ElementsAre("sac 0.5", "dqn 0.5"));
+    EXPECT_THAT(gammas("agent.gamma=0.5,0.6"), ElementsAre("sac 0.5", "sac 0.6", "dqn 0.5", "dqn 0.6"));
+}
+
+TEST_F(SweepFile, ConfigurationsBehindLinksAreFound) {
+    namespace fs = std::filesystem;
+    fs::create_directories(folder_ / "deep/sweeps");
+    folder_.write("deep/sweeps/mine.yaml",
+                  "config: ../sac.yaml\nset: {agent: sac, env.game: pong, train.seed: 1}\n");
+    fs::create_directory_symlink(folder_ / "deep/sweeps", folder_ / "link");
+    EXPECT_EQ(read_sweep(folder_ / "link/mine.yaml", {}).runs.front().config,
+              fs::canonical(folder_ / "deep") / "sac.yaml");
+}
+
 TEST_F(SweepFile, RemembersWhereItHasItsSettings) {
     const auto places = read(small_ + "set:\n  env.threshold: 0.9\n  log.every: 5\n", {"log.every=5"}).places;
     const auto file = (folder_ / "mine.yaml").string();
