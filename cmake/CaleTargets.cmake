@@ -87,11 +87,18 @@ endfunction()
 # What most files include of LibTorch is compiled once. Not <torch/torch.h>: GCC instantiates the templates that its
 # modules use again in every file, precompiled or not, at 4 s each.
 set(CALE_TORCH_HEADERS <torch/types.h> <torch/utils.h> <torch/nn/module.h> <torch/nn/pimpl.h>)
+# Further arguments: the only sources of the target that see LibTorch; without its headers the others compile faster.
 function(cale_use_torch_headers target)
     if(NOT TARGET cale_torch_headers)
         cale_precompile(cale_torch_headers LIBRARIES LibTorch::LibTorch cale_options HEADERS ${CALE_TORCH_HEADERS})
     endif()
     cale_reuse_precompiled(${target} cale_torch_headers)
+    if(ARGN)
+        get_target_property(others ${target} SOURCES)
+        list(JOIN ARGN "|" seeing)
+        list(FILTER others EXCLUDE REGEX "(^|/)(${seeing})$")
+        set_source_files_properties(${others} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+    endif()
 endfunction()
 
 # A target that carries a precompiled header and nothing else.

@@ -36,7 +36,7 @@ def rows_of(path):
 
 
 cells = collections.defaultdict(list)
-for run in sorted(pathlib.Path(sys.argv[1]).iterdir()):
+for run in sorted(pathlib.Path(sys.argv[1]).glob("*__*")):
     game, *variant, _ = run.name.split("__")
     agent = AGENTS.get("__".join(variant), "__".join(variant))
     reached = int(rows_of(run / "progress.csv")[-1]["global_step"])
