@@ -41,7 +41,7 @@ std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std:
 
 std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
                                      const std::vector<std::string>& names) {
-    const auto table = read_whole_csv(csv);
+    const auto table = read_csv_by_hand(csv);
     const auto game_column = table.find("game");
     if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", csv.string()));
     const auto known = score_columns(table);

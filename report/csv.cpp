@@ -64,12 +64,16 @@ double CsvTable::score(std::size_t row, std::size_t column) const {
                     path.string(), lines[row], value));
 }
 
-CsvTable read_csv(const std::filesystem::path& path) {
+namespace {
+
+std::string text_of(const std::filesystem::path& path) {
     std::ifstream file(path);
     if (!file)
         throw std::runtime_error(fmt::format("cannot read {}: {}", path.string(), std::strerror(errno)));
-    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    return {std::istreambuf_iterator<char>(file), {}};
+}
 
+CsvTable table_of(const std::filesystem::path& path, const std::string& text, bool with_empty_lines) {
     CsvTable table{.path = path};
     constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
     std::size_t line_number = 0, start = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
@@ -77,6 +81,7 @@ CsvTable read_csv(const std::filesystem::path& path) {
         auto line = std::string_view(text).substr(start, end - start);
         if (line.ends_with('\r')) line.remove_suffix(1);
         ++line_number;
+        if (line.empty() && !with_empty_lines) continue;
         if (line.starts_with('#')) {
             table.comment = line.substr(1);
             continue;
@@ -94,6 +99,16 @@ CsvTable read_csv(const std::filesystem::path& path) {
         throw std::runtime_error(fmt::format("{} has no header: it is empty or damaged", path.string()));
     if (start < text.size()) table.cut_line = line_number + 1;
     return table;
+}
+
+}  // namespace
+
+CsvTable read_csv(const std::filesystem::path& path) {
+    return table_of(path, text_of(path), /*with_empty_lines=*/true);
+}
+
+CsvTable read_csv_by_hand(const std::filesystem::path& path) {
+    return table_of(path, text_of(path) + '\n', /*with_empty_lines=*/false);
 }
 
 CsvTable read_whole_csv(const std::filesystem::path& path) {

@@ -38,6 +38,10 @@ CsvTable read_csv(const std::filesystem::path& path);
 /// read_csv() for a file that is written at once. Throws std::runtime_error where it ends within a line, too.
 CsvTable read_whole_csv(const std::filesystem::path& path);
 
+/// read_csv() for a table that a person wrote: its last line may lack its end, and empty lines are passed
+/// over.
+CsvTable read_csv_by_hand(const std::filesystem::path& path);
+
 /// A line of a table: cells with a comma, a quote or a line break are quoted.
 std::string csv_line(const std::vector<std::string>& cells);
 

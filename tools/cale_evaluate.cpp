@@ -68,6 +68,7 @@ EnvConfig environment_of(const Options& options, const PolicyInfo& policy) {
     EnvConfig env = env_config_of(policy);
     set_environment(env, options);
     env.game = only_game(env).rom;
+    check_roms(env);
     if (const auto kept = keep_life_loss(policy, env); !kept.empty())
         std::fputs(fmt::format("cale evaluate: {}\n", kept).c_str(), stderr);
     return env;

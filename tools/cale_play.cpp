@@ -56,6 +56,7 @@ PlayPlan plan_of(const Options& options) {
     if (options.threshold) plan.env.threshold = *options.threshold;
     set_environment(plan.env, options.settings);
     plan.env.game = only_game(plan.env).rom;
+    check_roms(plan.env);
     if (!policy) {
         if (plan.env.action_space != ActionSet::continuous)
             throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstring>
 #include <limits>
+#include <stdexcept>
 #include <system_error>
 
 #include <unistd.h>
@@ -11,6 +12,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "cale/env.h"
+#include "cale/games.h"
 #include "cale/text.h"
 #include "settings/config.h"
 #include "tools/train_programs.h"
@@ -190,6 +193,16 @@ void load_environment(EnvConfig& env, const std::filesystem::path& file) {
     ConfigTable table;
     table.add("env", env);
     table.load(file);
+}
+
+void check_roms(const EnvConfig& env) {
+    for (const auto* const game : games_of(env.game)) {
+        try {
+            static_cast<void>(find_rom(std::string(game->rom), env.rom_dir));
+        } catch (const std::runtime_error& error) {
+            throw ConfigError(error.what());
+        }
+    }
 }
 
 void make_output_folder(std::string_view option, const fs::path& folder) {

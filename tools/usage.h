@@ -43,6 +43,9 @@ void set_environment(EnvConfig& env, const std::vector<std::string>& settings);
 /// --config of these commands: a YAML file with a section env alone. Throws ConfigError.
 void load_environment(EnvConfig& env, const std::filesystem::path& file);
 
+/// Throws ConfigError where the ROM of one of the environment's games is missing.
+void check_roms(const EnvConfig& env);
+
 /// Creates the folder that `option` names, or the command's default. Throws ConfigError with the reason if
 /// that fails.
 void make_output_folder(std::string_view option, const std::filesystem::path& folder);
