@@ -22,7 +22,8 @@ NewFolder::NewFolder(fs::path path, fs::path topmost)
     : path_(std::move(path)), topmost_(std::move(topmost)) {}
 
 /// Without a slash at its end `path` has the parents that its folders have.
-NewFolder::NewFolder(fs::path path) : path_((path / "").parent_path()), topmost_(topmost_missing(path_)) {
+NewFolder::NewFolder(const fs::path& path)
+    : path_((path / "").parent_path()), topmost_(topmost_missing(path_)) {
     fs::create_directories(path_);
 }
 

@@ -10,7 +10,7 @@ namespace cale {
 class NewFolder {
   public:
     /// Throws std::filesystem::filesystem_error if it cannot be created. It may exist.
-    explicit NewFolder(std::filesystem::path path);
+    explicit NewFolder(const std::filesystem::path& path);
     /// Creates `path`, or if that exists `path`_2, `path`_3, ...: no other process gets the same folder.
     static NewFolder with_a_free_name(const std::filesystem::path& path);
     ~NewFolder();

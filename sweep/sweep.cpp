@@ -107,12 +107,11 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
                    .total_steps = planned.total_steps};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
-        if (row.status.state == RunPhase::refused) {
-            exit_code = 1;
-        } else if (in_queue != queued.end() && row.status.state != RunPhase::finished) {
+        const bool refused = row.status.state == RunPhase::refused;
+        if (in_queue != queued.end() && !refused && row.status.state != RunPhase::finished) {
             row.state = in_queue->second;
             if (row.state == "running") row.status.state = RunPhase::running;
-        } else if (row.status.state == RunPhase::failed) {
+        } else if (refused || row.status.state == RunPhase::failed) {
             exit_code = 1;
         }
         rows.push_back(row);
