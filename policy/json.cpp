@@ -10,7 +10,7 @@ namespace cale {
 namespace {
 
 constexpr int kMaxDepth = 4;
-constexpr int kMaxValues = 100'000;  // of an object or an array
+constexpr std::size_t kMaxValues = 100'000;  // of an object or an array
 constexpr std::size_t kLongestQuotation = 100;
 
 void append_utf8(std::string& text, std::uint32_t code) {
@@ -36,7 +36,7 @@ void append_utf8(std::string& text, std::uint32_t code) {
     throw FileDamage("its header is not valid JSON");
 }
 
-void require_few(int count) {
+void require_few(std::size_t count) {
     if (count > kMaxValues) throw FileDamage("its header has more than 100,000 values in a row");
 }
 
@@ -81,15 +81,14 @@ class Reader {
     template <class Member>
     void object(int depth, Member&& member) {
         std::set<std::string> names;
-        int count = 0;
         expect('{');
         skip_space();
         if (accept('}')) return;
         do {
-            require_few(++count);
             skip_space();
             auto name = string();
             if (!names.insert(name).second) throw FileDamage({"its header has ", in_quotes(name), " twice"});
+            require_few(names.size());
             skip_space();
             expect(':');
             skip_space();
@@ -102,7 +101,7 @@ class Reader {
 
     template <class Element>
     void array(int depth, Element&& element) {
-        int count = 0;
+        std::size_t count = 0;
         expect('[');
         skip_space();
         if (accept(']')) return;

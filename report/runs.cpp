@@ -384,13 +384,17 @@ void read_rewards(Run& run, const fs::path& evaluated) {
         run.reward_quantiles = read_reward_quantiles(files.back());
 }
 
+void set_rules(Run& run, const std::map<std::string, std::string>& settings) {
+    run.env = env_of(settings);
+    if (run.env) run.env->game = run.game->name;
+}
+
 Run read_run(const fs::path& folder, ScoreKind kind) {
     Run run{.folder = folder};
     const auto episodes = read_episodes(folder / "episodes.csv");
     if (fs::exists(folder / "config.yaml")) run.settings = read_settings(folder / "config.yaml");
     read_identity(run, episodes);
-    run.env = env_of(run.settings);
-    if (run.env) run.env->game = run.game->name;
+    set_rules(run, run.settings);
     run.total_steps = number_of(run.settings, "train.total_steps");
     auto progress = progress_of(folder);
     if (run.finished && progress.step < run.total_steps) {
@@ -423,10 +427,9 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         read_evaluations(run, evaluations);
         if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");
         // The rules are those that were played by.
-        auto settings = run.settings;
-        for (const auto& [key, value] : evaluations.protocol.settings) settings[key] = value;
-        run.env = env_of(settings);
-        if (run.env) run.env->game = run.game->name;
+        auto settings = evaluations.protocol.settings;
+        settings.insert(run.settings.begin(), run.settings.end());
+        set_rules(run, settings);
         run.reached = run.steps.back();
         run.finished = run.finished && run.reached >= run.total_steps;
         if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty())
