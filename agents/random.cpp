@@ -1,6 +1,5 @@
 #include "agents/random.h"
 
-#include <algorithm>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -35,16 +34,20 @@ torch::Tensor random_state(const at::Generator& generator) {
 torch::Tensor random_state(const std::mt19937_64& engine) {
     std::ostringstream text;
     text << engine;
-    const auto bytes = text.str();
-    auto state = torch::empty({static_cast<std::int64_t>(bytes.size())}, torch::kUInt8);
-    std::copy(bytes.begin(), bytes.end(), state.data_ptr<std::uint8_t>());
-    return state;
+    auto bytes = text.str();
+    return torch::from_blob(bytes.data(), {std::ssize(bytes)}, torch::kUInt8).clone();
 }
 
 at::Generator restored_generator(const torch::Tensor& state, c10::Device device) {
     auto generator = make_generator(0, device);
+    // A Philox on CUDA devices, a Mersenne twister on the CPU.
+    const bool from_elsewhere = state.numel() == (device.is_cpu() ? 16 : 5056);
     try {
-        generator.set_state(state.cpu());
+        if (from_elsewhere)
+            generator.set_current_seed(
+                static_cast<std::uint64_t>(state.cpu().view(torch::kInt64).sum().item<std::int64_t>()));
+        else
+            generator.set_state(state.cpu());
     } catch (const c10::Error&) {
         throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
                                  " bytes is not one of LibTorch's generator on the " + device.str());
@@ -54,15 +57,11 @@ at::Generator restored_generator(const torch::Tensor& state, c10::Device device)
 
 std::mt19937_64 restored_engine(const torch::Tensor& state) {
     const auto bytes = state.to(torch::kCPU, torch::kUInt8).contiguous();
-    const auto* first = bytes.data_ptr<std::uint8_t>();
-    std::istringstream text(std::string(first, first + bytes.numel()));
-    std::mt19937_64 engine;
-    text >> engine;
-    if (!text) {
-        throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
-                                 " bytes is not one of std::mt19937_64");
-    }
-    return engine;
+    std::istringstream text(
+        {static_cast<const char*>(bytes.const_data_ptr()), static_cast<std::size_t>(bytes.numel())});
+    if (std::mt19937_64 engine; text >> engine) return engine;
+    throw std::runtime_error("a stored random state of " + std::to_string(state.numel()) +
+                             " bytes is not one of std::mt19937_64");
 }
 
 }  // namespace cale

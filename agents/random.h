@@ -21,8 +21,8 @@ torch::Tensor random_state(const at::Generator& generator);
 /// See above.
 torch::Tensor random_state(const std::mt19937_64& engine);
 
-/// The generators that such states are of, the first on `device`. Both throw std::runtime_error for other
-/// bytes.
+/// The generators that such states are of, the first on `device`, where a state of the other kind of device
+/// seeds one. Both throw std::runtime_error for other bytes.
 at::Generator restored_generator(const torch::Tensor& state, c10::Device device = c10::DeviceType::CPU);
 /// See restored_generator().
 std::mt19937_64 restored_engine(const torch::Tensor& state);

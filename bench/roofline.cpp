@@ -202,7 +202,7 @@ void print(std::string_view part, double seconds, double of_seconds, const std::
 }
 
 void measure(const bench::NamedUpdate& named, cale::Precision precision, const Peaks& peaks) {
-    const auto update = named.make(precision);
+    const auto update = named.make({.precision = precision});
     for (int warm_up = 0; warm_up < 3; ++warm_up) update();
     const auto once = shortest(3, update);
     const int times = std::clamp(static_cast<int>(3 / once), 3, 300);

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include <c10/core/Device.h>
+
 #include "networks/layers.h"
 
 namespace bench {
@@ -13,9 +15,14 @@ namespace bench {
 /// One gradient step.
 using Update = std::function<void()>;
 
+struct Computation {
+    cale::Precision precision = cale::Precision::float32;
+    c10::Device device = c10::DeviceType::CPU;
+};
+
 struct NamedUpdate {
     std::string name;  // such as sac_phi_sac
-    std::function<Update(cale::Precision)> make;
+    std::function<Update(const Computation&)> make;
 };
 
 /// Returns the updates of all agents and of all encoders that change their speed.

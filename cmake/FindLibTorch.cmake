@@ -60,7 +60,10 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
         ${LibTorch_CPU_LIBRARY} ${LibTorch_C10_LIBRARY})
     if(LibTorch_CUDA_FOUND)
         target_compile_options(LibTorch::LibTorch INTERFACE "SHELL:-idirafter ${LibTorch_CUDA_INCLUDE_DIR}")
+        # Loaded, though a program that only moves tensors to a device names nothing of it: some compilers link
+        # as needed.
         target_link_libraries(LibTorch::LibTorch INTERFACE
-            ${LibTorch_CUDA_LIBRARY} ${LibTorch_C10_CUDA_LIBRARY} ${cuda_runtime})
+            "-Wl,--push-state,--no-as-needed,${LibTorch_CUDA_LIBRARY},--pop-state"
+            ${LibTorch_C10_CUDA_LIBRARY} ${cuda_runtime})
     endif()
 endif()

@@ -127,6 +127,15 @@ std::optional<int> Metadata::threads() const {
     return found == contents_->json.end() ? std::nullopt : std::optional(found->get<int>());
 }
 
+std::optional<std::string> Metadata::device() const {
+    const auto& json = contents_->json;
+    const auto sessions = json.value("resumed", nlohmann::json::array());
+    const auto& newest = sessions.empty() ? json : sessions.back();
+    if (!newest.is_object() || !newest.contains("device") || !newest["device"].is_string())
+        return std::nullopt;
+    return newest["device"].get<std::string>();
+}
+
 void Metadata::resume(const Session& session, double trained_seconds) {
     auto& json = contents_->json;
     if (!json.contains("wall_seconds")) seconds_before_ = trained_seconds;

@@ -51,6 +51,8 @@ class Metadata {
 
     /// Of the first session; none if not recorded.
     std::optional<int> threads() const;
+    /// Of the newest session; none if not recorded.
+    std::optional<std::string> device() const;
 
     /// Begins a session. `trained_seconds`: the run's earlier training time, used if the file does not record
     /// it.

@@ -474,6 +474,12 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     options.config = program.table.to_yaml();
     options.checkpointed = [&] { metadata->write(); };
     options.resumed = [&](double trained_seconds) {
+        const auto earlier = metadata->device();
+        if (earlier && earlier->starts_with("cuda") != device.is_cuda())
+            std::fprintf(
+                stderr,
+                "%s: the run was on %s and goes on on %s, with other numbers than it would have had there\n",
+                program.name.c_str(), earlier->c_str(), session.device.c_str());
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         metadata->resume(session, trained_seconds);
         if (!changes.empty()) metadata->add_change(changes);

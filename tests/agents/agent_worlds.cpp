@@ -12,6 +12,7 @@
 
 #include "agents/random.h"
 #include "replay/replay_buffer.h"
+#include "test_device.h"
 
 namespace cale {
 
@@ -24,7 +25,8 @@ AgentSpec small_world(ActionSpace actions, std::int64_t num_envs, std::uint64_t 
             .action_space = std::move(actions),
             .observation = {.stack = kStack, .shape = {kSide, kSide}},
             .total_steps = 1000,
-            .seed = seed};
+            .seed = seed,
+            .device = test_device()};
 }
 
 NetworkSettings small_network() {

@@ -11,6 +11,7 @@
 #include <torch/utils.h>
 
 #include "support/golden.h"
+#include "test_device.h"
 
 namespace golden {
 namespace {
@@ -72,7 +73,7 @@ torch::Tensor observations(const YAML::Node& file, const std::string& name, std:
     for (std::int64_t i = 0; i < pixels.numel(); ++i)
         pixel[i] = static_cast<std::uint8_t>(bits(stream, static_cast<std::uint64_t>(i)) >> 56);
     EXPECT_EQ(pixels.sum().item<std::int64_t>(), file["inputs"][name]["sum"].as<std::int64_t>()) << name;
-    return pixels;
+    return pixels.to(cale::test_device());
 }
 
 torch::Tensor tensor(const YAML::Node& node) {
@@ -124,6 +125,7 @@ NetworkCase::NetworkCase(const std::string& file_name, torch::Dtype type)
     : file(load(file_name)),
       name(file["case"].as<std::string>()),
       dtype(type),
+      device(cale::test_device()),
       tolerance(tolerances(type)),
       batch_size(file["hyper"]["batch"].as<std::int64_t>()) {}
 
@@ -139,7 +141,7 @@ cale::AdamConfig NetworkCase::adam() const {
 }
 
 torch::Tensor NetworkCase::input(const std::string& key) const {
-    return tensor(file["inputs"][key]).to(dtype);
+    return tensor(file["inputs"][key]).to(device, dtype);
 }
 
 torch::Tensor NetworkCase::actions() const {
@@ -147,7 +149,7 @@ torch::Tensor NetworkCase::actions() const {
     const auto hashed =
         (uniforms(name, "action", {batch_size}) * hyper("num_actions")).floor().to(torch::kInt64);
     EXPECT_TRUE(torch::equal(hashed, echoed)) << "the hashed actions";
-    return echoed;
+    return echoed.to(device);
 }
 
 torch::Tensor NetworkCase::discount() const {

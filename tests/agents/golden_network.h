@@ -31,7 +31,7 @@ void load_weights(torch::nn::Module& module, const YAML::Node& file, const std::
 /// Element-wise uniforms of the stream `case_name/name`, float64.
 torch::Tensor uniforms(const std::string& case_name, const std::string& name, at::IntArrayRef shape);
 
-/// [B, 4, 84, 84] uint8; checked against the echo in the file's `inputs`.
+/// [B, 4, 84, 84] uint8 on the device of the tests; checked against the echo in the file's `inputs`.
 torch::Tensor observations(const YAML::Node& file, const std::string& name, std::int64_t batch);
 
 /// A scalar or nested sequence as float64.
@@ -58,13 +58,14 @@ struct NetworkCase {
     YAML::Node file;
     std::string name;
     torch::Dtype dtype;
+    torch::Device device;
     Tolerances tolerance;
     std::int64_t batch_size;
 
     double hyper(const std::string& key) const;
     /// The optimiser's `lr`, `beta1`, `beta2` and `adam_eps`.
     cale::AdamConfig adam() const;
-    /// `inputs` of this key, or any other node, in the case's type.
+    /// `inputs` of this key, in the case's type and on its device.
     torch::Tensor input(const std::string& key) const;
     torch::Tensor actions() const;  // of `inputs`, int64; checked against the hash
     torch::Tensor discount() const;

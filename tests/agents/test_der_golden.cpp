@@ -38,7 +38,7 @@ struct Case : golden::NetworkCase {
                                   .noisy = true},
                       make_generator(1));
         golden::load_weights(*made, file, weights_case);
-        made->to(dtype);
+        made->to(device, dtype);
         return made;
     }
 
@@ -61,7 +61,7 @@ struct Case : golden::NetworkCase {
         const auto echo = file["noise"][stream];
         EXPECT_TRUE(echo) << stream;
         if (echo) golden::expect_close(drawn.norm(), golden::tensor(echo["l2"]), 1e-6, stream);
-        return drawn;
+        return drawn.to(device);
     }
 
     QNoise noise(std::size_t step, const std::string& pass, std::int64_t features) const {
@@ -91,7 +91,8 @@ TEST_P(DerGolden, Forward) {
     const auto batch = c.batch();
     const auto noise = c.noise_of(1, network);
     const auto forward = c.file["forward"];
-    const auto support = atom_support(c.config.num_atoms, c.config.value_limit, c.dtype);
+    const auto support =
+        atom_support(c.config.num_atoms, c.config.value_limit, torch::dtype(c.dtype).device(c.device));
     const auto values = [&](const torch::Tensor& output) { return (output.softmax(2) * support).sum(2); };
     const auto output = network(batch.observation, &noise.online);
     c.expect(values(output), forward, "q", c.tolerance.forward);

@@ -27,7 +27,7 @@ struct Case : golden::NetworkCase {
                                   .hidden_units = config.hidden_units},
                       make_generator(1));
         golden::load_weights(*made, file, weights_case);
-        made->to(dtype);
+        made->to(device, dtype);
         return made;
     }
 

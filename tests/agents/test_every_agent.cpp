@@ -20,6 +20,7 @@
 #include "replay/replay_buffer.h"
 #include "replay/replay_snapshot.h"
 #include "support/temporary_folder.h"
+#include "test_device.h"
 
 namespace cale {
 namespace {
@@ -282,6 +283,26 @@ TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
     }
 }
 
+/// The state of a generator on a CUDA device is a seed and an offset.
+TEST_P(EveryAgent, GoesOnFromTheStateOfAnotherDevice) {
+    const auto spec = world(2);
+    const auto original = make(spec), first = make(spec), second = make(spec);
+    for (auto* agent : {original.get(), first.get(), second.get()}) drive(*agent, spec, 0, 30);
+    auto state = original->state();
+    const auto draws = state.find("random/update_noise");
+    if (draws != state.end()) draws->second = torch::arange(16, torch::kUInt8);
+    first->load_state(state);
+    second->load_state(state);
+    for (auto* agent : {original.get(), first.get(), second.get()}) drive(*agent, spec, 30, 30);
+    EXPECT_GT(gradient_steps_of(*first), 10);
+    const auto own = original->state();
+    expect_equal(first->state(), second->state());
+    if (draws == state.end())
+        expect_equal(first->state(), own);
+    else
+        EXPECT_FALSE(torch::equal(first->state().at("random/update_noise"), own.at("random/update_noise")));
+}
+
 TEST_P(EveryAgent, ItsStateIsACopy) {
     const auto spec = world();
     const auto agent = make(spec);
@@ -366,7 +387,7 @@ TEST_P(EveryAgent, LearnsOnACudaDeviceAsOnTheCpu) {
     if (!torch::cuda::is_available()) GTEST_SKIP() << "this machine has no CUDA device";
     const auto on_cpu = make(world(2));
     auto spec = world(2);
-    spec.device = torch::kCUDA;
+    spec.device = in_full_precision(torch::kCUDA);
     const auto on_cuda = make(spec);
     drive(*on_cpu, world(2), 0, 60);
     drive(*on_cuda, spec, 0, 60);

@@ -55,7 +55,7 @@ struct Case : golden::NetworkCase {
                                          .hidden_units = config.network.hidden_units},
                         num_actions, make_generator(1));
         golden::load_weights(*made, file, name);
-        made->to(dtype);
+        made->to(device, dtype);
         return made;
     }
 
@@ -68,7 +68,7 @@ struct Case : golden::NetworkCase {
         const auto near_centre = centre + hyper("action_scale") * (anywhere - centre);
         golden::expect_close(near_centre, golden::tensor(file["inputs"]["action"]), 1e-6,
                              "the hashed action");
-        return near_centre.to(dtype);
+        return near_centre.to(device, dtype);
     }
 
     RolloutBatch minibatch() const {

@@ -16,6 +16,7 @@
 #include "agent_worlds.h"
 #include "agents/env_share.h"
 #include "support/free_port.h"
+#include "test_device.h"
 
 namespace cale {
 namespace {
@@ -231,6 +232,11 @@ std::vector<World> worlds() {
 
 class PpoInProcesses : public testing::TestWithParam<World> {
   protected:
+    void SetUp() override {
+        if (!test_device().is_cpu())
+            GTEST_SKIP() << "these processes are threads, and NCCL wants a GPU for each";
+    }
+
     static constexpr std::int64_t kSteps = 60;  // of four environments: 7 updates, and a rollout under way
 
     std::unique_ptr<Agent> alone() const { return make_ppo(GetParam().config, GetParam().spec); }

@@ -34,12 +34,13 @@ SacNetwork make_network(const Case& c, const std::string& weights_case) {
     SacNetwork network(EncoderConfig{.encoder = c.config.network.encoder}, c.config.network.head(),
                        make_generator(1));
     golden::load_weights(*network, c.file, weights_case);
-    network->to(c.dtype);
+    network->to(c.device, c.dtype);
     return network;
 }
 
 ActorCriticState<SacNetwork> make_learner(const Case& c) {
-    auto log_alpha = torch::full({1}, c.hyper("log_alpha0"), c.dtype).requires_grad_();
+    auto log_alpha =
+        torch::full({1}, c.hyper("log_alpha0"), torch::dtype(c.dtype).device(c.device)).requires_grad_();
     return {make_network(c, c.name), make_network(c, c.name + "/target"), log_alpha, c.adam()};
 }
 
@@ -50,9 +51,10 @@ Batch make_batch(const Case& c) {
     Batch batch;
     batch.observation = golden::observations(c.file, "obs", size);
     batch.next_observation = golden::observations(c.file, "next_obs", size);
-    batch.action =
+    const auto action =
         torch::stack({u.select(1, 0), -pi + 2 * pi * u.select(1, 1), u.select(1, 2)}, 1).to(torch::kFloat32);
-    golden::expect_close(batch.action, golden::tensor(c.file["inputs"]["action"]), 1e-6, "the hashed action");
+    golden::expect_close(action, golden::tensor(c.file["inputs"]["action"]), 1e-6, "the hashed action");
+    batch.action = action.to(c.device);
     batch.n_step_return = c.input("reward");
     batch.discount = c.discount();
     return batch;
@@ -60,7 +62,8 @@ Batch make_batch(const Case& c) {
 
 SacNoise noise_of(const Case& c, int step) {
     const auto node = c.file["steps"][step];
-    return {golden::tensor(node["eps_target"]).to(c.dtype), golden::tensor(node["eps_actor"]).to(c.dtype)};
+    const auto drawn = [&](const char* key) { return golden::tensor(node[key]).to(c.device, c.dtype); };
+    return {drawn("eps_target"), drawn("eps_actor")};
 }
 
 class SacGolden : public ::testing::TestWithParam<golden::FileAndType> {

@@ -35,13 +35,14 @@ struct Case : golden::NetworkCase {
         SacdNetwork made(EncoderConfig{.encoder = config.network.encoder}, config.network.head(), num_actions,
                          make_generator(1));
         golden::load_weights(*made, file, weights_case);
-        made->to(dtype);
+        made->to(device, dtype);
         return made;
     }
 
     ActorCriticState<SacdNetwork> learner() const {
         return {network(name), network(name + "/target"),
-                torch::full({1}, hyper("log_alpha0"), dtype).requires_grad_(), adam()};
+                torch::full({1}, hyper("log_alpha0"), torch::dtype(dtype).device(device)).requires_grad_(),
+                adam()};
     }
 
     Batch batch() const {

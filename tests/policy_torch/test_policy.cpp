@@ -6,6 +6,7 @@
 #include <array>
 #include <thread>
 
+#include <torch/cuda.h>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 #include <torch/utils.h>
@@ -40,7 +41,7 @@ std::span<const std::uint8_t> bytes_of(const torch::Tensor& observation) {
 
 /// Largest difference, as a part of the largest number.
 double relative_difference(const torch::Tensor& a, std::span<const float> b) {
-    const auto other = torch::tensor(at::ArrayRef<float>(b.data(), b.size()));
+    const auto other = torch::tensor(at::ArrayRef<float>(b.data(), b.size())).view_as(a);
     return (a - other).abs().max().item<double>() / std::max(1.0, a.abs().max().item<double>());
 }
 
@@ -73,6 +74,19 @@ TEST_P(PolicyOf, LibTorchAndLiteAgree) {
         EXPECT_EQ(alone.action, decision.action);
         EXPECT_NEAR(alone.stick.theta, decision.stick.theta, 1e-4);
     }
+}
+
+TEST_P(PolicyOf, ComputesOnACudaDeviceAsOnTheCpu) {
+    if (!torch::cuda::is_available()) GTEST_SKIP() << "this machine has no CUDA device";
+    const auto contents = policy_file_contents(sample_policy(GetParam().network));
+    const auto on_cuda = Policy::parse(contents, "policy", torch::kCUDA), on_cpu = Policy::parse(contents);
+    const auto frames = observations(GetParam().network, 32);
+    const auto expected = on_cpu.output(frames).contiguous();
+    // Its convolutions round to ten bits (TF32).
+    EXPECT_LT(relative_difference(on_cuda.output(frames), {expected.const_data_ptr<float>(),
+                                                           static_cast<std::size_t>(expected.numel())}),
+              1e-2);
+    EXPECT_TRUE(on_cuda.act(frames).is_cpu());
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryKind, PolicyOf, testing::ValuesIn(test::sample_networks()),

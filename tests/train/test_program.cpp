@@ -513,6 +513,23 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
 }
 
+TEST(ProgramEmulator, SaysThatARunGoesOnOnAnotherDevice) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto resume = [&](int steps) {
+        return train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress", "--device", "cpu",
+                          fmt::format("train.total_steps={}", steps)});
+    };
+    auto metadata = metadata_of(folder.path());
+    metadata["device"] = "cuda:0";
+    write_file_atomically(folder.path() / "metadata.json", metadata.dump());
+    const auto moved = resume(15), stayed = resume(20);
+    EXPECT_EQ(moved.code, 0) << moved.stderr_text;
+    EXPECT_THAT(moved.stderr_text, testing::HasSubstr("the run was on cuda:0 and goes on on cpu"));
+    EXPECT_EQ(stayed.code, 0) << stayed.stderr_text;
+    EXPECT_THAT(stayed.stderr_text, testing::Not(testing::HasSubstr("goes on on")));
+}
+
 TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
