@@ -39,8 +39,7 @@ struct ActorCriticSettings {
     std::optional<double> alpha_learning_rate = std::nullopt;
     bool entropy_in_target = true;
     TwinEstimate twin_estimate = TwinEstimate::minimum;
-    bool act_with_target = false;
-    bool zero_outputs = false;
+    bool act_with_target = false, sampled_evaluation = false, zero_outputs = false;
 
     /// Returns the configuration of the actor and of every critic.
     HeadConfig head() const {
@@ -74,6 +73,7 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     visit("twin_estimate", settings.twin_estimate, "of two critics: their minimum, or their mean");
     visit("act_with_target", settings.act_with_target,
           "whether the target's actor chooses the actions instead of the one that learns");
+    visit("sampled_evaluation", settings.sampled_evaluation, "evaluations draw their actions, too");
     visit("zero_outputs", settings.zero_outputs,
           "the last layers start at zero: values at 0, a box's mean action in its middle, events alike");
 }

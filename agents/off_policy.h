@@ -179,6 +179,7 @@ struct Acting {
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
 /// and, where it has them,
 ///     acting()->acting, or network->acting             the specification that policies are exported by
+///     config.sampled_evaluation, with acting()         whether evaluations draw their actions
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]
 ///     double epsilon(double scheduled, bool warms_up)  epsilon in training, if not the scheduled one
@@ -239,7 +240,8 @@ class OffPolicy final : public Agent {
     }
     std::optional<AgentPolicy> policy() const override {
         if constexpr (requires { algorithm_.acting(); })
-            return policy_of_network(algorithm_.acting(), /*samples=*/false, evaluation_epsilon());
+            return policy_of_network(algorithm_.acting(), algorithm_.config.sampled_evaluation,
+                                     evaluation_epsilon());
         else if constexpr (requires { algorithm_.network->acting; })
             return policy_of_network(algorithm_.network, is_noisy(algorithm_.network->acting),
                                      evaluation_epsilon());

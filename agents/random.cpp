@@ -44,8 +44,7 @@ at::Generator restored_generator(const torch::Tensor& state, c10::Device device)
     const bool from_elsewhere = state.numel() == (device.is_cpu() ? 16 : 5056);
     try {
         if (from_elsewhere)
-            generator.set_current_seed(
-                static_cast<std::uint64_t>(state.cpu().view(torch::kInt64).sum().item<std::int64_t>()));
+            generator.set_current_seed(state.cpu().view(torch::kInt64).sum().item<std::int64_t>());
         else
             generator.set_state(state.cpu());
     } catch (const c10::Error&) {

@@ -97,11 +97,11 @@ struct Sac : ActorCriticState<SacNetwork> {
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto count = observations.size(0), axes = box.centre.size(0);
         if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);
-        const auto noise = now.training() ? torch::randn({count, axes}, now.random) : torch::Tensor();
+        const bool draws = now.training() || config.sampled_evaluation;
+        const auto noise = draws ? torch::randn({count, axes}, now.random) : torch::Tensor();
         const auto policy = acting()->policy(acting()->encoder->trunk(observations));
-        const auto actions = now.training()
-                                 ? sample(policy, noise.to(observations.device()), network->box).action
-                                 : mean_action(policy, network->box);
+        const auto actions = draws ? sample(policy, noise.to(observations.device()), network->box).action
+                                   : mean_action(policy, network->box);
         require_finite(actions);
         if (config.exploration == Exploration::standard) return actions.cpu();
         return epsilon_greedy(actions.cpu(), now.epsilon, now.training() ? box : action_box(space),

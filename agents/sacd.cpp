@@ -97,8 +97,9 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             return torch::randint(0, num_actions, {observations.size(0)}, now.random, torch::kInt64);
         const auto log_pi = acting()->log_policy(acting()->encoder->trunk(observations));
         const auto actions =
-            now.training() ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
-                           : log_pi.argmax(1).cpu();
+            now.training() || config.sampled_evaluation
+                ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
+                : log_pi.argmax(1).cpu();
         const bool standard = config.exploration == Exploration::standard;
         return epsilon_greedy(actions, standard ? 0 : now.epsilon, num_actions, now.random);
     }

@@ -2,7 +2,7 @@
 //   bench_update --benchmark_filter=sac_phi_sac
 // On the CPU the number of threads is the benchmark's argument. NAME_bf16 is the same update with
 // train.precision=bf16, for processors that have it; NAME_cuda is the update on the first CUDA device, if
-// there is one, until its result is there.
+// there is one, timed until its result is there.
 #include <ATen/Parallel.h>
 #include <benchmark/benchmark.h>
 #include <torch/cuda.h>

@@ -69,8 +69,12 @@ if(TARGET cale_policy)
     cmake_path(GET LibTorch_INCLUDE_DIR PARENT_PATH libtorch)
     cmake_path(GET LibTorch_CPU_LIBRARY PARENT_PATH libtorch_libraries)
     string(REPLACE ${libtorch} "\${libtorch}" libtorch_libraries ${libtorch_libraries})
+    set(libtorch_cuda "")
+    if(LibTorch_CUDA_FOUND)
+        set(libtorch_cuda " -Wl,--push-state,--no-as-needed,-ltorch_cuda,--pop-state")  # as FindLibTorch.cmake
+    endif()
     cale_pkg_config(policy policy "Trained policies with LibTorch (MIT)" VARIABLE libtorch=${libtorch}
         CFLAGS "-idirafter \${libtorch}/include -idirafter \${libtorch}/include/torch/csrc/api/include"
         LIBS "-lcale_policy -lcale_networks -lcale_policy_lite -lcale_frames -L${libtorch_libraries} \
--Wl,-rpath,${libtorch_libraries} -ltorch_cpu -lc10")
+-Wl,-rpath,${libtorch_libraries} -ltorch_cpu -lc10${libtorch_cuda}")
 endif()

@@ -60,8 +60,8 @@ if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
         ${LibTorch_CPU_LIBRARY} ${LibTorch_C10_LIBRARY})
     if(LibTorch_CUDA_FOUND)
         target_compile_options(LibTorch::LibTorch INTERFACE "SHELL:-idirafter ${LibTorch_CUDA_INCLUDE_DIR}")
-        # Loaded, though a program that only moves tensors to a device names nothing of it: some compilers link
-        # as needed.
+        # Always linked: a program that only moves tensors to a device names no symbol of it, and compilers that
+        # link as needed would drop it.
         target_link_libraries(LibTorch::LibTorch INTERFACE
             "-Wl,--push-state,--no-as-needed,${LibTorch_CUDA_LIBRARY},--pop-state"
             ${LibTorch_C10_CUDA_LIBRARY} ${cuda_runtime})

@@ -478,7 +478,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
         if (earlier && earlier->starts_with("cuda") != device.is_cuda())
             std::fprintf(
                 stderr,
-                "%s: the run was on %s and goes on on %s, with other numbers than it would have had there\n",
+                "%s: the run was trained on %s and continues on %s: its numbers differ from here on\n",
                 program.name.c_str(), earlier->c_str(), session.device.c_str());
         write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
         metadata->resume(session, trained_seconds);

@@ -1,6 +1,7 @@
 // What holds for every agent, or for all that learn from a replay, written once over a table of them.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -16,6 +17,7 @@
 #include <torch/types.h>
 
 #include "agent_worlds.h"
+#include "agents/random.h"
 #include "cale/joystick.h"
 #include "replay/replay_buffer.h"
 #include "replay/replay_snapshot.h"
@@ -283,24 +285,30 @@ TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
     }
 }
 
-/// The state of a generator on a CUDA device is a seed and an offset.
 TEST_P(EveryAgent, GoesOnFromTheStateOfAnotherDevice) {
     const auto spec = world(2);
-    const auto original = make(spec), first = make(spec), second = make(spec);
-    for (auto* agent : {original.get(), first.get(), second.get()}) drive(*agent, spec, 0, 30);
-    auto state = original->state();
-    const auto draws = state.find("random/update_noise");
-    if (draws != state.end()) draws->second = torch::arange(16, torch::kUInt8);
-    first->load_state(state);
-    second->load_state(state);
-    for (auto* agent : {original.get(), first.get(), second.get()}) drive(*agent, spec, 30, 30);
-    EXPECT_GT(gradient_steps_of(*first), 10);
-    const auto own = original->state();
-    expect_equal(first->state(), second->state());
-    if (draws == state.end())
-        expect_equal(first->state(), own);
-    else
-        EXPECT_FALSE(torch::equal(first->state().at("random/update_noise"), own.at("random/update_noise")));
+    // A generator's state on a CUDA device is a seed and an offset, eight bytes each.
+    const auto foreign_random = [&](std::uint8_t first) {
+        return spec.device.is_cpu() ? torch::arange(first, first + 16, torch::kUInt8)
+                                    : random_state(make_generator(first));
+    };
+    const auto continued = [&](std::optional<std::uint8_t> random) {
+        const auto agent = make(spec);
+        drive(*agent, spec, 0, 30);
+        auto state = agent->state();
+        if (random && state.contains("random/update_noise"))
+            state["random/update_noise"] = foreign_random(*random);
+        agent->load_state(state);
+        drive(*agent, spec, 30, 30);
+        EXPECT_GT(gradient_steps_of(*agent), 10);
+        return agent->state();
+    };
+    const auto own = continued({}), first = continued(240), again = continued(240), other = continued(200);
+    expect_equal(first, again);
+    const auto draws = own.find("random/update_noise");
+    if (draws == own.end()) return expect_equal(first, own);
+    for (const auto* state : {&own, &other})
+        EXPECT_FALSE(torch::equal(first.at(draws->first), state->at(draws->first)));
 }
 
 TEST_P(EveryAgent, ItsStateIsACopy) {

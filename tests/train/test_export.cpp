@@ -74,8 +74,12 @@ std::vector<Case> cases() {
     sac_impala.network.encoder = EncoderKind::impala;
     sac_impala.exploration = Exploration::epsilon_greedy;
     sac_impala.epsilon.epsilon_eval = 0.5;
+    SacConfig sac_sampled = sac_impala;
+    sac_sampled.sampled_evaluation = true;
     SacdConfig sacd;
     sacd.network.encoder = EncoderKind::impala;
+    SacdConfig sacd_sampled = sacd;
+    sacd_sampled.sampled_evaluation = true;
     PpoConfig ppo, ppo_shared;
     ppo.network.encoder = EncoderKind::impala;
     ppo_shared.network.encoder = EncoderKind::phi_dqn;
@@ -103,7 +107,9 @@ std::vector<Case> cases() {
     const auto joystick = ActionSet::continuous;
     return {make_case("sac", "sac", sac, joystick, make_sac),
             make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
+            make_case("sac_sampled", "sac", sac_sampled, joystick, make_sac),
             make_case("sacd", "sacd", sacd, ActionSet::full, make_sacd),
+            make_case("sacd_sampled", "sacd", sacd_sampled, ActionSet::full, make_sacd),
             make_case("ppo", "ppo", ppo, joystick, make_ppo),
             make_case("ppo_shared", "ppo", ppo_shared, joystick, make_ppo),
             make_case("ppo_discrete", "ppo", ppo, ActionSet::minimal, make_ppo),
@@ -211,7 +217,9 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     EXPECT_EQ(info.encoder, "its encoder");
     EXPECT_EQ(info.threshold, 0.25);
     EXPECT_TRUE(info.life_loss_ends_episode);
-    EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo" || GetParam().name.starts_with("der_noisy"));
+    EXPECT_EQ(info.evaluation_samples, GetParam().agent == "ppo" ||
+                                           GetParam().name.starts_with("der_noisy") ||
+                                           GetParam().name.ends_with("_sampled"));
     EXPECT_EQ(info.provenance.at("agent_steps"), "1234");
     EXPECT_EQ(info.provenance.at("seed"), "1");
     auto env = env_config_of(info);

@@ -513,7 +513,7 @@ TEST(ProgramEmulator, ResumesOnlyTheSameConfiguration) {
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 20"));
 }
 
-TEST(ProgramEmulator, SaysThatARunGoesOnOnAnotherDevice) {
+TEST(ProgramEmulator, SaysThatARunContinuesOnAnotherDevice) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
     const auto resume = [&](int steps) {
@@ -525,9 +525,9 @@ TEST(ProgramEmulator, SaysThatARunGoesOnOnAnotherDevice) {
     write_file_atomically(folder.path() / "metadata.json", metadata.dump());
     const auto moved = resume(15), stayed = resume(20);
     EXPECT_EQ(moved.code, 0) << moved.stderr_text;
-    EXPECT_THAT(moved.stderr_text, testing::HasSubstr("the run was on cuda:0 and goes on on cpu"));
+    EXPECT_THAT(moved.stderr_text, testing::HasSubstr("the run was trained on cuda:0 and continues on cpu"));
     EXPECT_EQ(stayed.code, 0) << stayed.stderr_text;
-    EXPECT_THAT(stayed.stderr_text, testing::Not(testing::HasSubstr("goes on on")));
+    EXPECT_THAT(stayed.stderr_text, testing::Not(testing::HasSubstr("continues on")));
 }
 
 TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
