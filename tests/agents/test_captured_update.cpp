@@ -80,15 +80,12 @@ TEST_P(CapturedUpdateOn, DrawsOnFromARestoredState) {
 
 TEST_P(CapturedUpdateOn, LeavesTheDeviceUsableWhereAnUpdateThrows) {
     auto sum = torch::zeros({1}, device_);
-    CapturedUpdate step(device_, {});
-    for (int run = 0; run < kRuns; ++run) {
-        EXPECT_THROW(step([&] {
-                         sum += 1;
-                         throw std::runtime_error("no");
-                     }),
-                     std::runtime_error);
-    }
-    CapturedUpdate another(device_, {});
+    CapturedUpdate step(device_, {}), another(device_, {});
+    const auto fail = [&] {
+        sum += 1;
+        throw std::runtime_error("no");
+    };
+    for (int run = 0; run < kRuns; ++run) EXPECT_THROW(step(fail), std::runtime_error);
     sum.zero_();
     for (int run = 1; run <= kRuns; ++run) {
         another([&] { sum += 1; });
