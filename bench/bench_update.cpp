@@ -15,16 +15,14 @@ namespace {
 
 using cale::Precision;
 
-/// More updates than a CUDA graph takes to be recorded.
-constexpr int kWarmUp = 10;
-
 void measure(benchmark::State& state, const bench::NamedUpdate& named, const bench::Computation& how) {
     if (how.device.is_cpu()) at::set_num_threads(static_cast<int>(state.range(0)));
     const auto finish = [&] {
         if (how.device.is_cuda()) torch::cuda::synchronize();
     };
     const auto update = named.make(how);
-    for (int warm_up = 0; warm_up < kWarmUp; ++warm_up) update();
+    const int warm_ups = how.device.is_cpu() ? 3 : 6;  // a CUDA graph is recorded in the fourth
+    for (int i = 0; i < warm_ups; ++i) update();
     finish();
     for (auto _ : state) {
         update();
