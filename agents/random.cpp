@@ -40,7 +40,7 @@ torch::Tensor random_state(const std::mt19937_64& engine) {
 
 at::Generator restored_generator(const torch::Tensor& state, c10::Device device) {
     auto generator = make_generator(0, device);
-    // A Philox on CUDA devices, a Mersenne twister on the CPU.
+    // The other kind's bytes: of a Philox on CUDA devices, of a Mersenne twister on the CPU.
     const bool from_elsewhere = state.numel() == (device.is_cpu() ? 16 : 5056);
     try {
         if (from_elsewhere)

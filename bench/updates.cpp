@@ -23,7 +23,7 @@ using namespace cale;
 constexpr std::int64_t kActions = 18;
 
 /// Every call of the result launches `update` as training does: on a CUDA device as one graph, after the
-/// first.
+/// first few.
 Update launched(const Computation& how, Update update) {
     const auto step = std::make_shared<CapturedUpdate>(how.device, std::vector<at::Generator>{});
     return [step, update = std::move(update)] { (*step)(update); };
@@ -35,13 +35,17 @@ Network on_device(Network network, const Computation& how) {
     return network;
 }
 
+torch::Tensor make_observations(std::int64_t size, const Computation& how) {
+    return torch::randint(0, 256, {size, 4, 84, 84}, torch::dtype(torch::kUInt8).device(how.device));
+}
+
 Batch make_batch(std::int64_t size, bool continuous, const Computation& how) {
     Batch batch;
-    const auto pixels = torch::dtype(torch::kUInt8).device(how.device);
-    batch.observation = torch::randint(0, 256, {size, 4, 84, 84}, pixels);
-    batch.next_observation = torch::randint(0, 256, {size, 4, 84, 84}, pixels);
-    batch.action = continuous ? torch::rand({size, 3}, how.device)
-                              : torch::randint(0, kActions, {size}, pixels.dtype(torch::kInt64));
+    batch.observation = make_observations(size, how);
+    batch.next_observation = make_observations(size, how);
+    batch.action = continuous
+                       ? torch::rand({size, 3}, how.device)
+                       : torch::randint(0, kActions, {size}, torch::dtype(torch::kInt64).device(how.device));
     batch.n_step_return = torch::randn({size}, how.device);
     batch.discount = torch::full({size}, 0.99, how.device);
     return batch;
@@ -120,10 +124,9 @@ Update ppo(PpoNetworkConfig network_config, const Computation& how) {
     const auto network = on_device(PpoNetwork(network_config, 0, make_generator(1)), how);
     const auto learner = std::make_shared<OnPolicyState>(network, 0, config);
     const auto size = config.minibatch_size;
-    const auto batch = make_batch(size, true, how);
     const auto numbers = [&] { return torch::randn({size}, how.device); };
-    const RolloutBatch minibatch{.observation = batch.observation,
-                                 .action = batch.action,
+    const RolloutBatch minibatch{.observation = make_observations(size, how),
+                                 .action = torch::rand({size, 3}, how.device),
                                  .old_log_prob = numbers(),
                                  .old_value = numbers(),
                                  .advantage = numbers(),
