@@ -107,7 +107,10 @@ TEST_P(PpoGolden, Forward) {
 }
 
 TEST_P(PpoGolden, ThreeUpdates) {
-    OnPolicyState learner(c.network(), static_cast<std::int64_t>(c.hyper("anneal_steps")), c.config);
+    const auto anneal = c.file["hyper"]["anneal_steps"];
+    const bool constant = !anneal || anneal.IsNull();
+    OnPolicyState learner(c.network(), constant ? 0 : static_cast<std::int64_t>(c.hyper("anneal_steps")),
+                          c.config);
     const auto minibatch = c.minibatch();
     const auto initial = golden::parameters(*learner.network);
     // The gradients of the file are from before they are clipped.

@@ -1,7 +1,9 @@
 // The dopamine rule against every transition that the reference's replay holds, and
 // prioritised sampling against its sum tree.
+#include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <string>
 #include <vector>
@@ -108,6 +110,17 @@ void expect_finds(const SumTree& tree, const YAML::Node& targets, const YAML::No
         EXPECT_EQ(tree.find(targets[i].as<double>()), index[i].as<std::int64_t>()) << targets[i];
 }
 
+// By index: of a key get2 the value of index 2.
+std::map<std::int64_t, double> values_after(const YAML::Node& update) {
+    std::map<std::int64_t, double> values;
+    for (const auto& entry : update) {
+        const auto key = entry.first.as<std::string>();
+        if (key.starts_with("get")) values[std::stoll(key.substr(3))] = entry.second.as<double>();
+    }
+    EXPECT_FALSE(values.empty());
+    return values;
+}
+
 // One transition for each of these priorities, and room for another.
 ReplayBuffer replay_of(const std::vector<double>& priorities) {
     const auto size = static_cast<std::int64_t>(priorities.size());
@@ -139,19 +152,16 @@ TEST(SumTreeGolden, ReplayUpdatesPrioritiesAsTheReference) {
         expect_largest_priority(untouched, section["max_recorded_priority"].as<double>(),
                                 section["root"].as<double>());
 
-        ReplayBuffer replay = replay_of(set);
         const YAML::Node update = section["update"];
-        give(replay, update["index"].as<std::vector<std::int64_t>>(), numbers(update["value"]));
+        const auto index = update["index"].as<std::vector<std::int64_t>>();
         const auto root = update["root_after"].as<double>();
+        // A replay has a priority where it has a transition, and probabilities where one is above 0.
+        if (root == 0 || std::ranges::max(index) >= std::ssize(set)) continue;
+        ReplayBuffer replay = replay_of(set);
+        give(replay, index, numbers(update["value"]));
         const auto found = probabilities(replay);
-        int read_back = 0;
-        for (const auto& entry : update) {
-            const auto key = entry.first.as<std::string>();  // get2: the value of index 2
-            if (!key.starts_with("get")) continue;
-            expect_close(found.at(std::stoul(key.substr(3))), entry.second.as<double>() / root);
-            ++read_back;
-        }
-        EXPECT_GT(read_back, 0);
+        for (const auto& [leaf, expected] : values_after(update))
+            expect_close(found.at(static_cast<std::size_t>(leaf)), expected / root);
         expect_largest_priority(replay, update["max_recorded_priority"].as<double>(), root);
     }
 }

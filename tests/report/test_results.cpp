@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,14 +24,15 @@ namespace fs = std::filesystem;
 const fs::path kDocs = CALE_SOURCE_DIR "/docs";
 const fs::path kPolicies = CALE_SOURCE_DIR "/policies";
 
-/// A table in Markdown behind a line "<!-- FILE.csv -->". Columns that the file has are checked against it;
-/// in the others stands what is said about them. Of a table with a column "gate" each row is the file's first
-/// whose "mean" reaches the gate.
+/// A table in Markdown behind a line "<!-- FILE.csv -->", whose columns the file has but for those of
+/// kSaidOfThem. Of a table with a column "gate" each row is the file's first whose "mean" reaches the gate.
 struct PrintedTable {
     fs::path csv{};
     std::vector<std::string> columns{};
     std::vector<std::vector<std::string>> rows{};
 };
+
+const std::set<std::string> kSaidOfThem{"gate", "theirs, frames", "published"};
 
 std::vector<std::string> cells_of(std::string_view line) {
     auto cells = split(line.substr(1, line.rfind('|') - 1), '|');
@@ -107,6 +109,8 @@ TEST(Results, TheTablesSayWhatTheFilesSay) {
     for (const auto& table : tables) {
         const auto csv = read_csv(table.csv);
         EXPECT_THAT(table.rows, testing::Not(testing::IsEmpty())) << table.csv;
+        for (const auto& column : table.columns)
+            EXPECT_TRUE(csv.find(column) || kSaidOfThem.contains(column)) << table.csv << ": " << column;
         for (const auto& row : table.rows)
             EXPECT_EQ(difference(table, row, csv), "")
                 << table.csv << ": " << fmt::format("{}", fmt::join(row, " | "));
