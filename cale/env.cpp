@@ -270,7 +270,8 @@ struct Env::Impl {
     }
 
     void start_game() {
-        held = ContinuousAction{};
+        // Of no discrete action the joystick is pressed, as in a no-op; the middle is an event of some maps.
+        held = actions.empty() ? FrameAction(ContinuousAction{}) : FrameAction(Event::noop);
         seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
         frames.start(emulator.screen());
@@ -415,13 +416,15 @@ struct Env::Impl {
         }
     }
 
+    /// Before anything is played that could not be shown.
+    void require_room(std::span<const std::uint8_t> observation) const {
+        if (observation.size() == observation_size) return;
+        throw std::invalid_argument("an observation has " + std::to_string(observation_size) +
+                                    " bytes, not " + std::to_string(observation.size()));
+    }
+
     void observe(std::span<std::uint8_t> observation, const StepResult& step = {.frames = 0}) {
         if (config.obs == Obs::pixels) return frames.write(observation);
-        if (observation.size() != observation_size) {
-            throw std::invalid_argument("an observation of the memory has " +
-                                        std::to_string(observation_size) + " bytes, not " +
-                                        std::to_string(observation.size()));
-        }
         std::ranges::copy(visible(), observation.begin());
         if (!config.observe_joystick) return;
         const auto command = stick_of(held);
@@ -527,6 +530,7 @@ Env::Env(Env&&) noexcept = default;
 Env& Env::operator=(Env&&) noexcept = default;
 
 void Env::reset(std::span<std::uint8_t> observation) {
+    impl_->require_room(observation);
     impl_->reset();
     impl_->observe(observation);
 }
@@ -537,6 +541,7 @@ StepResult Env::step(const ContinuousAction& action, std::span<std::uint8_t> obs
             "this environment was made for discrete actions: step it with the index of one");
     }
     validate(action);
+    impl_->require_room(observation);
     const auto result = impl_->step(action);
     impl_->observe(observation, result);
     return result;
@@ -548,6 +553,7 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
         throw std::out_of_range("there is no action " + std::to_string(action) + " among the " +
                                 std::to_string(actions.size()) + " discrete actions of this environment");
     }
+    impl_->require_room(observation);
     const auto result = impl_->step(actions[static_cast<std::size_t>(action)]);
     impl_->observe(observation, result);
     return result;
@@ -555,6 +561,7 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
 
 StepResult Env::step(const std::function<std::optional<FrameAction>()>& next_action,
                      std::span<std::uint8_t> observation) {
+    impl_->require_room(observation);
     const auto result = impl_->advance(next_action);
     impl_->observe(observation, result);
     return result;

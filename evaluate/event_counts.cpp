@@ -9,6 +9,7 @@
 namespace cale {
 
 void count_events(EventCounts& counts, const StepResult& result) {
+    if (result.frames == 0) return;  // nothing was played: a resumed game in real time is cut off
     if (!result.stick_moves) {
         ++counts[result.event];
         return;

@@ -2,28 +2,33 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <string>
 
 namespace cale {
 namespace {
 
+enum class Control { up, down, left, right, fire, half };
+
 struct HeldKey {
     std::string_view name;
-    bool Hands::*held;
+    Control control;
 };
 
 constexpr HeldKey kHeldKeys[] = {
-    {"Up", &Hands::up},
-    {"W", &Hands::up},
-    {"Down", &Hands::down},
-    {"S", &Hands::down},
-    {"Left", &Hands::left},
-    {"A", &Hands::left},
-    {"Right", &Hands::right},
-    {"D", &Hands::right},
-    {"Space", &Hands::fire},
-    {"Left Shift", &Hands::half},
-    {"Right Shift", &Hands::half},
+    {"Up", Control::up},           {"W", Control::up},
+    {"Down", Control::down},       {"S", Control::down},
+    {"Left", Control::left},       {"A", Control::left},
+    {"Right", Control::right},     {"D", Control::right},
+    {"Space", Control::fire},      {"Right Button", Control::fire},
+    {"Left Shift", Control::half}, {"Right Shift", Control::half},
 };
+
+bool holds(const Hands& hands, Control control) {
+    return std::ranges::any_of(kHeldKeys, [&](const HeldKey& key) {
+        return key.control == control && hands.held.contains(key.name);
+    });
+}
 
 ContinuousAction action_at(const Stick& stick, bool fire) {
     const double radius = std::min(1.0, std::hypot(stick.x, stick.y));
@@ -35,8 +40,12 @@ ContinuousAction action_at(const Stick& stick, bool fire) {
 }  // namespace
 
 Command press(Hands& hands, std::string_view key, bool down) {
-    for (const auto& [name, held] : kHeldKeys) {
-        if (name == key) hands.*held = down;
+    if (std::ranges::find(kHeldKeys, key, &HeldKey::name) != std::end(kHeldKeys)) {
+        if (down) {
+            hands.held.emplace(key);
+        } else {
+            hands.held.erase(std::string(key));
+        }
     }
     if (!down) return Command::none;
     if (key.size() == 1 && key[0] >= '0' && key[0] <= '9')
@@ -54,12 +63,14 @@ Stick stick_at(double x, double y, const Dial& dial) {
 }
 
 ContinuousAction joystick(const Hands& hands) {
-    if (hands.pointer) return action_at(*hands.pointer, hands.fire);
-    const double x = int{hands.right} - int{hands.left}, y = int{hands.up} - int{hands.down};
+    const bool fire = holds(hands, Control::fire);
+    if (hands.pointer) return action_at(*hands.pointer, fire);
+    const double x = int{holds(hands, Control::right)} - int{holds(hands, Control::left)};
+    const double y = int{holds(hands, Control::up)} - int{holds(hands, Control::down)};
     const double far = std::hypot(x, y);
-    if (far == 0) return {.fire = hands.fire ? 1.0F : 0.0F};
-    const double reach = hands.half ? hands.reach / 2 : hands.reach;
-    return action_at({.x = x / far * reach, .y = y / far * reach}, hands.fire);
+    if (far == 0) return {.fire = fire ? 1.0F : 0.0F};
+    const double reach = holds(hands, Control::half) ? hands.reach / 2 : hands.reach;
+    return action_at({.x = x / far * reach, .y = y / far * reach}, fire);
 }
 
 std::string_view keyboard_help() {

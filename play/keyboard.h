@@ -1,7 +1,10 @@
 // Maps the held keys and the mouse to the continuous joystick.
 #pragma once
 
+#include <functional>
 #include <optional>
+#include <set>
+#include <string>
 #include <string_view>
 
 #include "cale/action.h"
@@ -17,22 +20,18 @@ struct Stick {
 
 /// The state of the player's controls.
 struct Hands {
-    bool up = false;
-    bool down = false;
-    bool left = false;
-    bool right = false;
-    bool fire = false;
-    bool half = false;               // pushes the stick half as far
-    double reach = 1;                // how far the keys push it, 0 to 1
-    std::optional<Stick> pointer{};  // where the mouse holds it; the keys do not count then
+    std::set<std::string, std::less<>> held{};  // keys of the joystick; two may do the same
+    double reach = 1;                           // how far the keys push it, 0 to 1
+    std::optional<Stick> pointer{};             // where the mouse holds it; the keys do not count then
 };
 
 /// What a key can do besides moving the joystick.
 enum class Command { none, quit, pause, new_game };
 
-/// Handles a key that was pressed or released. Keys have SDL's names:
+/// Handles a key that was pressed or released, the mouse's button among them. Keys have SDL's names:
 ///   Up, Down, Left, Right; W, S, A, D    the stick
 ///   Space                                fire
+///   Right Button                         of the mouse, fire
 ///   Left Shift, Right Shift              half as far
 ///   1 ... 9, 0                           the keys push the stick 0.1 ... 0.9, 1 from the middle
 ///   P, R, Escape                         pause, new game, quit

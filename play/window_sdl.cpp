@@ -72,7 +72,7 @@ struct Window::Impl {
             case SDL_MOUSEBUTTONDOWN:
             case SDL_MOUSEBUTTONUP: {
                 const bool down = event.type == SDL_MOUSEBUTTONDOWN;
-                if (event.button.button == SDL_BUTTON_RIGHT) hands.fire = down;
+                if (event.button.button == SDL_BUTTON_RIGHT) press(hands, "Right Button", down);
                 if (event.button.button != SDL_BUTTON_LEFT) break;
                 hands.pointer.reset();
                 if (down) hands.pointer = stick_at(event.button.x, event.button.y, dial);

@@ -61,7 +61,11 @@ void Session::load_policy(std::string_view contents, const std::string& name) {
     auto trained = trained_env(policy.info());
     // A visitor's hand moves the joystick whatever the policy chooses among: Env takes both from here on.
     games_ = games_of(trained.game);
-    trained.game = games_.front()->rom;
+    // Of several games the first whose ROM was dropped already.
+    const auto there = std::ranges::find_if(games_, [](const Game* game) {
+        return std::filesystem::exists(std::filesystem::path(kRoms) / (std::string(game->rom) + ".bin"));
+    });
+    trained.game = (there == games_.end() ? games_.front() : *there)->rom;
     trained.rom_dir = kRoms;
     trained.action_space = ActionSet::continuous;
     trained.joystick = Joystick::polar;

@@ -50,7 +50,8 @@ class Session {
     /// Returns the environment that the policy was trained in.
     const EnvConfig& trained() const { return trained_; }
     /// Starts a first game in that environment with changes as change() reads them. With the same seed,
-    /// changes and actions games are the same; without changes they are those of `cale play --seed`.
+    /// changes and actions games are the same; without changes, and by a policy that draws nothing, they are
+    /// those of `cale play --seed`.
     void start(std::string_view changes, std::uint64_t seed);
 
     /// One agent step, by the policy or by `hand`. Begins a new game where the one before has ended.

@@ -77,6 +77,10 @@ class Environments final : public World {
 
     void resume(std::span<const EpisodeRecord> records) override {
         auto games = games_;
+        if (records.size() != games.size()) {
+            throw std::runtime_error("there are " + std::to_string(records.size()) +
+                                     " states of environments, not " + std::to_string(games.size()));
+        }
         for (std::size_t i = 0; i < games.size(); ++i) {
             games[i].visit_state([&](std::string_view name, auto& member) {
                 const auto found = records[i].find(std::string(name));

@@ -1,5 +1,6 @@
 """Trained policies, held to what the C++ tools do with them."""
 import csv
+import warnings
 
 import numpy as np
 import pytest
@@ -70,6 +71,16 @@ def test_evaluations_repeat_whatever_the_threads(repository):
     assert one.mean == one.returns.mean()
     other = cale.evaluate(file, games=2, seed=5, sticky_probability=0.25)
     assert not np.array_equal(one.lengths, other.lengths)
+
+
+def test_a_change_that_is_not_applied_is_said(repository):
+    file = repository / "policies/road_runner_joystick.safetensors"
+    with pytest.warns(UserWarning, match="terminal_on_life_loss=False is not applied: as in this policy's training"):
+        changed = cale.evaluate(file, games=1, terminal_on_life_loss=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        same = cale.evaluate(file, games=1, terminal_on_life_loss=True)
+    np.testing.assert_array_equal(changed.returns, same.returns)
 
 
 def test_mistakes_get_a_sentence(repository, tmp_path):

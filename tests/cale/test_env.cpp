@@ -79,6 +79,19 @@ TEST(EmulatorEnv, NoOpsAtTheStartPressNothingWhateverTheEventMap) {
     }
 }
 
+TEST(EmulatorEnv, NoDiscreteActionPressesNothingWhateverTheEventMap) {
+    for (const auto action_space : {ActionSet::full, ActionSet::continuous}) {
+        EnvConfig config;
+        config.game = "ms_pacman";
+        config.action_space = action_space;
+        config.event_map = cale::EventMap::ale_0_10;
+        Played played(config);
+        const auto result = played.env.step([] { return std::optional<cale::FrameAction>(); }, played.frame);
+        const auto event = action_space == ActionSet::full ? cale::Event::noop : cale::Event::down_left;
+        EXPECT_EQ(static_cast<cale::Event>(result.event), event);
+    }
+}
+
 TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     const auto refusal = [](auto change) {
         EnvConfig config;
@@ -181,6 +194,18 @@ TEST(EmulatorEnv, BadActionsAreRefusedAndChangeNothing) {
     EXPECT_THROW(played.step(-1), std::out_of_range);
     EXPECT_THROW(played.env.step(ContinuousAction{}, frame), std::invalid_argument);
     EXPECT_EQ(played.env.frame_number(), 0);
+
+    Bytes small(3);
+    EXPECT_THROW(continuous.step(ContinuousAction{}, small), std::invalid_argument);
+    EXPECT_THROW(continuous.step([] { return std::optional<cale::FrameAction>(); }, small),
+                 std::invalid_argument);
+    EXPECT_EQ(continuous.frame_number(), 0);
+    EXPECT_THROW(played.env.step(0, small), std::invalid_argument);
+    EXPECT_EQ(played.env.frame_number(), 0);
+    played.step(0);
+    const auto now = played.env.frame_number();
+    EXPECT_THROW(played.env.reset(small), std::invalid_argument);
+    EXPECT_EQ(played.env.frame_number(), now);
 }
 
 TEST(EmulatorEnv, NothingHappensBeforeAReset) {

@@ -38,5 +38,12 @@ TEST(EnvironmentsTest, AllFinishTheStepInWhichOneFails) {
     EXPECT_EQ(frames, (std::vector<std::uint8_t>{0, 1, 1}));
 }
 
+TEST(EnvironmentsTest, StatesOfAnotherNumberOfEnvironmentsAreRefused) {
+    Environments<Counting> world(std::array<std::uint32_t, 2>{1, 2});
+    auto records = world.record();
+    records.pop_back();
+    EXPECT_THROW(world.resume(records), std::runtime_error);
+}
+
 }  // namespace
 }  // namespace cale

@@ -203,6 +203,7 @@ TEST(EmulatorRealTime, AResumedGameBeginsAnew) {
     played.game.resume(played.game.record());
     const auto end = played.step(ContinuousAction{});
     EXPECT_TRUE(end.truncated && end.episode_over);
+    EXPECT_EQ(end.frames, 0);
     EXPECT_EQ(played.frame, first);
     EXPECT_EQ(played.last_frame, Bytes(first.size()));  // the caller's own
     played.clock.play(4);

@@ -44,6 +44,12 @@ TEST(EventCounts, AStickThatMovesCountsItsFrames) {
     EXPECT_EQ(count_of(counts, Event::noop), 1);
 }
 
+TEST(EventCounts, WhereNoFrameWasPlayedNothingCounts) {
+    EventCounts counts{};
+    count_events(counts, {.frames = 0, .event = static_cast<std::uint8_t>(Event::up)});
+    EXPECT_EQ(counts, EventCounts{});
+}
+
 TEST(EventCounts, EveryEventHasTheZoneOfItsName) {
     for (std::size_t i = 0; i < kEventCount; ++i) {
         EventCounts counts{};

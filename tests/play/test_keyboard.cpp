@@ -73,6 +73,16 @@ TEST(Keyboard, KeysThatAreLetGoNoLongerCount) {
     EXPECT_EQ(joystick(hands).fire, 0);
 }
 
+TEST(Keyboard, OfTwoKeysThatDoTheSameOneIsEnough) {
+    Hands hands;
+    for (const auto* const key : {"Up", "W", "Space", "Right Button", "Left Shift", "Right Shift"})
+        press(hands, key, true);
+    for (const auto* const key : {"W", "Right Button", "Left Shift"}) press(hands, key, false);
+    EXPECT_NEAR(joystick(hands).radius, 0.5, 1e-6);
+    EXPECT_NEAR(joystick(hands).theta, kPi / 2, 1e-6);
+    EXPECT_EQ(joystick(hands).fire, 1);
+}
+
 TEST(Keyboard, DigitsSayHowFarTheKeysPushAndShiftHalvesIt) {
     EXPECT_NEAR(held({"3", "Left"}).radius, 0.3, 1e-6);
     EXPECT_NEAR(held({"3", "0", "Left"}).radius, 1, 1e-6);

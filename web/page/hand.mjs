@@ -12,7 +12,7 @@ const startButton = 9;
 
 export class Hand {
     taken = false;
-    #held = {};
+    #keys = new Set();    // held down; two may do the same
     #reach = 1;
     #pointer = null;      // {x, y}, where it holds the stick
     #pointerFires = false;
@@ -41,17 +41,18 @@ export class Hand {
 
     /** Lets go of everything: what is released in another window is never heard of. */
     release() {
-        this.#held = {};
+        this.#keys.clear();
         this.#pointer = null;
         this.#pointerFires = false;
     }
 
     /** Handles a key by its `code`. Returns whether it is one of the joystick's. */
     key(code, down) {
-        const held = directions[code];
-        if (held) {
-            this.#held[held] = down;
-            if (down && held !== 'half') this.take('keys');
+        const control = directions[code];
+        if (control) {
+            if (down) this.#keys.add(code);
+            else this.#keys.delete(code);
+            if (down && control !== 'half') this.take('keys');
             return true;
         }
         const digit = /^(?:Digit|Numpad)(\d)$/.exec(code);
@@ -84,16 +85,20 @@ export class Hand {
         if (this.#pad.start && !before.start) this.giveBack();
     }
 
+    #holds(control) {
+        return Number([...this.#keys].some((code) => directions[code] === control));
+    }
+
     /** Returns (r, theta, fire); opposite keys cancel out. */
     action() {
         const pad = this.#source === 'pad';
-        const fire = this.#held.fire || this.#pointerFires || (pad && this.#pad.fire) ? 1 : 0;
+        const fire = this.#holds('fire') || this.#pointerFires || (pad && this.#pad.fire) ? 1 : 0;
         if (this.#pointer) return actionAt(this.#pointer.x, this.#pointer.y, fire);
         if (pad) return actionAt(this.#pad.x, this.#pad.y, fire);
-        const x = Number(this.#held.right ?? 0) - Number(this.#held.left ?? 0);
-        const y = Number(this.#held.up ?? 0) - Number(this.#held.down ?? 0);
+        const x = this.#holds('right') - this.#holds('left');
+        const y = this.#holds('up') - this.#holds('down');
         const far = Math.hypot(x, y) || 1;
-        const reach = this.#held.half ? this.#reach / 2 : this.#reach;
+        const reach = this.#holds('half') ? this.#reach / 2 : this.#reach;
         return actionAt(x / far * reach, y / far * reach, fire);
     }
 }

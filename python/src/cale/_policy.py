@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from cale import _core
 from cale._env import Env
-from cale._settings import rom_hint, texts_of
+from cale._settings import rom_hint, text_of, texts_of
 from cale._vector_env import VectorEnv
 
 _EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
@@ -153,6 +154,11 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
     if not 0 <= epsilon <= 1:
         raise ValueError(f"epsilon is {epsilon}: it must lie in [0, 1]")
     life_loss = "true" if policy.info["life_loss_ends_episode"] else "false"  # what the policy sees depends on it
+    asked = changes.get("terminal_on_life_loss")
+    if asked is not None and text_of("terminal_on_life_loss", asked) != life_loss:
+        warnings.warn(f"terminal_on_life_loss={asked} is not applied: as in this policy's training ({life_loss}), a lost life "
+                      f"{'clears' if life_loss == 'true' else 'does not clear'} its frame stack; no game ends with a life",
+                      stacklevel=2)
     texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
     try:
