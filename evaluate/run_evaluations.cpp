@@ -48,12 +48,6 @@ bool comes_before(std::string_view a, std::string_view b) {
     return a.size() < b.size();
 }
 
-bool is_run(const fs::path& folder) {
-    std::error_code ignored;
-    return fs::exists(folder / "config.yaml", ignored) &&
-           (fs::exists(folder / "episodes.csv", ignored) || fs::exists(folder / "checkpoints", ignored));
-}
-
 void collect(const fs::path& folder, std::vector<fs::path>& runs) {
     for (const auto& entry : fs::directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
         std::error_code lost;  // of a link that leads nowhere
@@ -102,6 +96,12 @@ std::pair<std::int64_t, EvaluatedGame> game_of(std::string_view line) {
 }
 
 }  // namespace
+
+bool is_run(const fs::path& folder) {
+    std::error_code ignored;
+    return fs::exists(folder / "config.yaml", ignored) &&
+           (fs::exists(folder / "episodes.csv", ignored) || fs::exists(folder / "checkpoints", ignored));
+}
 
 std::vector<fs::path> run_folders(const fs::path& folder) {
     std::vector<fs::path> runs;

@@ -19,9 +19,12 @@
 
 namespace cale {
 
+/// Whether `folder` is a run's: it has a config.yaml beside an episodes.csv or checkpoints.
+bool is_run(const std::filesystem::path& folder);
+
 /// Returns the folders of the runs in `folder`, at any depth, sorted by name with numbers compared as
-/// numbers. A run has a config.yaml beside an episodes.csv or checkpoints. A link to a run counts as one;
-/// links to other folders are not followed. Throws std::filesystem::filesystem_error.
+/// numbers. A link to a run counts as one; links to other folders are not followed. Throws
+/// std::filesystem::filesystem_error.
 std::vector<std::filesystem::path> run_folders(const std::filesystem::path& folder);
 
 /// Everything that determines an evaluation besides the policy and the environment that it was trained in.

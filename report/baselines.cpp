@@ -57,7 +57,10 @@ std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
             if (table.rows[row][column].empty()) continue;
             try {
                 const auto& game = find_game(table.rows[row][*game_column]);
-                baseline.scores[std::string(game.name)] = table.number(row, column);
+                if (!baseline.scores.emplace(game.name, table.number(row, column)).second)
+                    throw std::runtime_error(
+                        fmt::format("{}: line {} has {} again: a table of scores has a game once",
+                                    csv.string(), table.lines[row], game.name));
             } catch (const std::invalid_argument&) {
                 continue;  // games beyond the sixty (Defender, Surround)
             }

@@ -1,5 +1,6 @@
 #include "report/report.h"
 
+#include <stdexcept>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -26,6 +27,14 @@ void remove_report(const fs::path& folder) {
         for (const auto* extension : {".csv", ".tex", ".svg", ".png"})
             fs::remove(folder / (std::string(name) + extension));
     }
+}
+
+/// Returns a file of these names that no earlier report wrote, or empty.
+fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
+    if (fs::exists(folder / "report.html")) return {};
+    for (const auto& name : names)
+        if (fs::exists(folder / name)) return folder / name;
+    return {};
 }
 
 /// A new folder that is gone at the end, with what is still in it.
@@ -63,6 +72,11 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
         for (const auto* extension : {".svg", ".png"})
             write_picture(figure.picture, next(figure.name + extension));
 
+    if (const auto other = other_file(folder, names); !other.empty()) {
+        throw std::runtime_error(fmt::format(
+            "{} is there and would be replaced, and no report is in its folder; write to another folder",
+            other.string()));
+    }
     remove_report(folder);
     std::vector<fs::path> files;
     for (const auto& name : names) {

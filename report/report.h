@@ -10,9 +10,9 @@
 namespace cale {
 
 /// Writes report.html, every figure as .svg and .png and every table as .csv and, for papers, .tex to
-/// `folder`, which is made if need be, over files of these names that are there. Returns their paths, the
-/// page first. `with_script`: see to_html(). Throws std::runtime_error that names the file which cannot be
-/// written; an earlier report stays as it was then.
+/// `folder`, which is made if need be, in the place of an earlier report. Returns their paths, the page
+/// first. `with_script`: see to_html(). Throws std::runtime_error that names a file which cannot be written,
+/// or which has such a name and is no report's; what was there stays as it was then.
 std::vector<std::filesystem::path> write_report(const Comparison& comparison, const PageOrigin& origin,
                                                 const std::filesystem::path& folder,
                                                 bool with_script = false);

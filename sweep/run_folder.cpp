@@ -109,18 +109,22 @@ RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evalu
 }
 
 std::string strange_file(const fs::path& folder) {
-    constexpr std::array<std::string_view, 9> kBegun = {
-        kOutput,        kFailure,       "config.yaml",         "metadata.json",      "checkpoints",
-        "progress.csv", "episodes.csv", "joystick_events.csv", "events.out.tfevents"};
-    const auto is_begun = [&](const std::string& name) {
-        return name.starts_with('.') || name.find(".tmp-") != name.npos ||
-               std::ranges::any_of(kBegun, [&](auto begun) {
-                   return name == begun || (begun == kBegun.back() && name.starts_with(begun));
-               });
+    constexpr std::array<std::string_view, 10> kBegun = {
+        kClaim,          ".lock",       kOutput,        kFailure,       "config.yaml",
+        "metadata.json", "checkpoints", "progress.csv", "episodes.csv", "joystick_events.csv"};
+    const auto is_begun = [&](std::string_view name) {
+        const auto written =
+            name.substr(0, name.find(".tmp-"));  // the name that write_file_atomically() gives it
+        return std::ranges::find(kBegun, written) != kBegun.end() || name.starts_with("events.out.tfevents");
     };
     std::error_code ignored;
     for (const auto& item : fs::directory_iterator(folder, ignored))
         if (const auto name = item.path().filename().string(); !is_begun(name)) return name;
+    for (const auto& item : fs::directory_iterator(folder / "checkpoints", ignored))
+        if (item.path().extension() != ".partial") return "checkpoints/" + item.path().filename().string();
+    // A run writes its metadata first.
+    if (fs::exists(folder / "config.yaml", ignored) && !fs::exists(folder / "metadata.json", ignored))
+        return "config.yaml";
     return "";
 }
 

@@ -109,8 +109,8 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
     }
     if (go_on > 0 && go_on < samples.size() && samples[go_on - 1].rank == samples[go_on].rank)
         fmt::print(out,
-                   "Their ranks do not tell samples {} and {} apart, so the one of the smaller number went "
-                   "on; with a larger first_steps in 'search:' more games end before.\n",
+                   "Their ranks do not tell samples {} and {} apart, so the one of the smaller number "
+                   "continues; with a larger first_steps in 'search:' more games end before.\n",
                    samples[go_on - 1].sample, samples[go_on].sample);
 }
 
@@ -283,6 +283,7 @@ int run_search(const Search& search, std::FILE* out) {
 
         auto rung = compare_rung(search, runs, steps);
         print(search, rung, out);
+        std::fflush(out);  // the next takes hours
         keep_better(left, rung);
         const auto compared_last = rung.samples.size();
         rung.samples.insert(rung.samples.end(), dropped.begin(), dropped.end());

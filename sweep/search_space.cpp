@@ -64,7 +64,7 @@ std::optional<NumberRange> number_range(std::string_view text) {
     std::string low(ends.substr(0, dots)), high(ends.substr(dots + 2));
     for (auto* end : {&low, &high}) std::erase(*end, '_');
     const auto from = number_in<double>(low), to = number_in<double>(high);
-    if (!from || !to) return std::nullopt;
+    if (!from || !to || !std::isfinite(*from) || !std::isfinite(*to)) return std::nullopt;
     if (!(*from < *to))
         throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
     if (logarithmic && *from <= 0)

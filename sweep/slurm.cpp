@@ -108,6 +108,21 @@ std::map<std::string, std::string> queued_runs(const fs::path& folder) {
     return queued;
 }
 
+std::vector<std::vector<std::string>> job_arrays(std::span<const PlannedRun> runs, const fs::path& folder) {
+    const auto queued = queued_runs(folder);
+    const auto most = largest_array();
+    std::vector<std::vector<std::string>> arrays;
+    for (const auto& planned : runs) {
+        const auto state = status_of(planned, folder / planned.run.name).state;
+        if (state == RunPhase::finished || state == RunPhase::running || state == RunPhase::refused ||
+            queued.contains(planned.run.name))
+            continue;
+        if (arrays.empty() || arrays.back().size() == most) arrays.emplace_back();
+        arrays.back().push_back(planned.run.name);
+    }
+    return arrays;
+}
+
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path& folder,
                                 const SlurmOptions& options) {
     if (answer_of("command -v sbatch 2>/dev/null").status != 0)
@@ -115,22 +130,10 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
             "--launcher slurm: there is no sbatch on the PATH; start it on a machine of the cluster "
             "that submits jobs, or leave --launcher out to run here");
     auto index = read_index(folder);
-    const auto queued = queued_runs(folder);
-    std::vector<std::string> names;
-    for (const auto& planned : runs) {
-        const auto state = status_of(planned, folder / planned.run.name).state;
-        if (state == RunPhase::finished || state == RunPhase::running || state == RunPhase::refused ||
-            queued.contains(planned.run.name))
-            continue;
-        names.push_back(planned.run.name);
-    }
     std::vector<std::string> lines;
-    if (names.empty()) return lines;
     const auto memory = options.memory > 0 ? options.memory : largest_memory(runs);
-    const auto most = largest_array();
-    fs::create_directories(folder / "slurm");
-    for (std::size_t first = 0; first < names.size(); first += most) {
-        const auto part = std::span(names).subspan(first, std::min(most, names.size() - first));
+    for (const auto& part : job_arrays(runs, folder)) {
+        fs::create_directories(folder / "slurm");
         const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);
         write_file_atomically(file, slurm_script(folder, part, memory, options));
         const std::vector<std::string> command = {"sbatch", "--parsable", file.string()};
@@ -139,7 +142,7 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
             throw std::runtime_error(
                 fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
         const auto job = answer.text.substr(0, answer.text.find_first_of(";\n"));  // "17" or "17;cluster"
-        index.push_back({{"job", job}, {"runs", std::vector<std::string>(part.begin(), part.end())}});
+        index.push_back({{"job", job}, {"runs", part}});
         write_file_atomically(index_file(folder), index.dump(1) + "\n");
         lines.push_back(fmt::format("job array {}: {} run{}, {}", job, part.size(),
                                     part.size() == 1 ? "" : "s", file.string()));

@@ -33,9 +33,14 @@ std::string slurm_script(const std::filesystem::path& folder, std::span<const st
 /// message.
 std::map<std::string, std::string> queued_runs(const std::filesystem::path& folder);
 
-/// Submits the runs that are not finished, queued, running or refused, in arrays as large as the cluster
-/// allows, and returns a line for each array. Which task is which run stands in `folder`/slurm.json. Throws
-/// ConfigError where there is no sbatch, std::runtime_error with sbatch's own sentence.
+/// Returns the names of the runs that are not finished, queued, running or refused, in arrays as large as the
+/// cluster allows. Throws as queued_runs() does.
+std::vector<std::vector<std::string>> job_arrays(std::span<const PlannedRun> runs,
+                                                 const std::filesystem::path& folder);
+
+/// Submits job_arrays() and returns a line for each array. Which task is which run stands in
+/// `folder`/slurm.json. Throws ConfigError where there is no sbatch, std::runtime_error with sbatch's own
+/// sentence.
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
                                 const SlurmOptions& options);
 

@@ -161,17 +161,14 @@ SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, cons
 
 int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder, const SlurmOptions& slurm,
                     const SweepOptions& options, const std::vector<std::string>& all_runs, std::FILE* out) {
-    std::vector<std::string> names;
     std::string refused;
-    for (const auto& planned : runs) {
-        const auto line = refused_line(planned, folder / planned.run.name);
-        if (line.empty()) names.push_back(planned.run.name);
-        refused += line;
-    }
+    for (const auto& planned : runs) refused += refused_line(planned, folder / planned.run.name);
     const int exit_code = refused.empty() ? 0 : 1;
     if (options.task == SweepTask::show_commands) {
         const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
-        fmt::print(out, "{}{}", names.empty() ? "" : slurm_script(folder, names, memory, slurm), refused);
+        for (const auto& names : job_arrays(runs, folder))
+            fmt::print(out, "{}", slurm_script(folder, names, memory, slurm));
+        fmt::print(out, "{}", refused);
         return exit_code;
     }
     make_folder(folder, all_runs, asks_for_a_part(options));

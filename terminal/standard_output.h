@@ -1,7 +1,12 @@
-// Checked standard output, which may be a file on a full disk.
+// The standard streams: open from the start, and checked at the end, as the output may be a file on a full
+// disk.
 #pragma once
 
 namespace cale {
+
+/// Puts /dev/null in the place of a standard stream that is closed, before a file gets its number and the
+/// program's output with it. Writing there fails, as it does to a closed stream.
+void open_standard_streams();
 
 /// Must be called after all output. Throws std::runtime_error with the reason if part of it was not written.
 void flush_standard_output();

@@ -261,9 +261,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
 /// The runs that lie in the folder that the user named; none where that is a run, a checkpoint or no folder.
 std::vector<fs::path> runs_in(const fs::path& path) {
     std::error_code ignored;
-    return fs::exists(path / "config.yaml", ignored) || !fs::is_directory(path, ignored)
-               ? std::vector<fs::path>()
-               : run_folders(path);
+    return is_run(path) || !fs::is_directory(path, ignored) ? std::vector<fs::path>() : run_folders(path);
 }
 
 int run(const Options& options) {

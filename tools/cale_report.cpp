@@ -67,7 +67,7 @@ struct Beside {
 };
 
 bool holds_runs(const fs::path& csv) {
-    return read_csv(csv).find("group").has_value();
+    return read_csv_by_hand(csv).find("group").has_value();
 }
 
 bool contains(const std::vector<std::string>& names, const std::string& name) {
@@ -195,6 +195,7 @@ void add_report(CLI::App& app) {
     auto& config = options->config;
     command
         .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
+        ->allow_extra_args(false)  // a folder may be called [x]
         ->type_name("DIR");
     command
         .add_option("-o,--output", options->output,

@@ -498,6 +498,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 }  // namespace
 
 int run_program(const TrainingProgram& program, int argc, const char* const* argv) {
+    open_standard_streams();
     const auto fail = [&](const std::exception& error, ExitCode code) {
         std::fprintf(stderr, "%s: %s\n", program.name.c_str(), failure_sentence(error).c_str());
         return code;

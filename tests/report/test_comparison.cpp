@@ -115,6 +115,14 @@ TEST_F(Comparing, BaselinesNeedAllTheGames) {
         EXPECT_NEAR(comparison.baselines[0].aggregates[static_cast<std::size_t>(metric)].value, 1, 1e-12);
     ASSERT_THAT(comparison.left_out_baselines, SizeIs(1));
     EXPECT_THAT(comparison.left_out_baselines[0].why, HasSubstr("no score for Boxing"));
+    const auto twice = folders_.write("twice.csv", "game,mine\nPong,3\nBoxing,1\nPong,21\n");
+    try {
+        read_baselines(twice, {"mine"});
+        FAIL();
+    } catch (const std::runtime_error& error) {
+        EXPECT_EQ(error.what(),
+                  twice.string() + ": line 4 has Pong again: a table of scores has a game once");
+    }
     try {
         read_baselines(csv, {"cale60"});
         FAIL();

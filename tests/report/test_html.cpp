@@ -172,6 +172,9 @@ TEST_F(Html, AReportIsAFolderOfFiles) {
     EXPECT_TRUE(std::filesystem::exists(folder / "mine.csv"));
     folders_.write("file", "");
     EXPECT_THROW(write_report(data, origin_, folders_.path() / "file"), std::exception);
+    const std::filesystem::path own = folders_.write("mine/scores.csv", "a user's");
+    EXPECT_THROW(write_report(data, origin_, folders_.path() / "mine"), std::runtime_error);
+    EXPECT_EQ(read(own), "a user's");
 }
 
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {

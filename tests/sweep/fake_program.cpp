@@ -58,6 +58,7 @@ finish() {
     exit 0
 }
 if [ -n "$resume" ]; then echo resumed; else echo "started with $(ls "$dir" | tr '\n' ' ')"; fi
+echo "{}" >"$dir/metadata.json"
 config >"$dir/config.yaml"
 case $mode in
     fast) finish ;;

@@ -93,12 +93,14 @@ TEST_F(Refusal, ARunWhoseScheduleLastsForAllOfItKeepsItsLength) {
 
 TEST_F(Refusal, NothingCountsWithoutACheckpoint) {
     folder_.write("run/config.yaml", "agent: {loss: mse}\n");
+    folder_.write("run/metadata.json", "{}\n");
     EXPECT_EQ(reason(), "") << "it starts anew";
     EXPECT_EQ(config_mismatch(planned_, folder_ / "none"), "");
 }
 
 TEST_F(Refusal, ResultsWhoseCheckpointsAreGoneAreNotStartedOver) {
     folder_.write("run/config.yaml", "agent: {loss: huber}\n");
+    folder_.write("run/metadata.json", "{}\n");
     folder_.write("run/episodes.csv", "#{}\nr,l,t\n");
     EXPECT_EQ(reason(), "") << "no game has ended";
     folder_.write("run/episodes.csv", "#{}\nr,l,t\n1,2,3\n");
@@ -108,11 +110,17 @@ TEST_F(Refusal, ResultsWhoseCheckpointsAreGoneAreNotStartedOver) {
 
 TEST_F(Refusal, WhatAUserPutIntoARunsFolderIsNotDeleted) {
     for (const auto* begun : {"run/config.yaml", "run/metadata.json", "run/output.log", "run/.lock",
-                              "run/events.out.tfevents.1.vm.2", "run/config.yaml.tmp-1-0"})
+                              "run/events.out.tfevents.1.vm.2", "run/config.yaml.tmp-1-0",
+                              "run/checkpoints/step_000000100.partial/manifest.json"})
         folder_.write(begun, "");
     EXPECT_EQ(reason(), "");
-    folder_.write("run/notes.txt", "");
-    EXPECT_THAT(reason(), HasSubstr("its folder has no checkpoint and holds 'notes.txt'"));
+    for (const auto* own : {"notes.txt", ".gitignore", "thesis.tmp-draft", "checkpoints/my_best"}) {
+        folder_.write(std::string("run/") + own, "");
+        EXPECT_THAT(reason(), HasSubstr(std::string("its folder has no checkpoint and holds '") + own + "'"));
+        fs::remove(folder_ / "run" / own);
+    }
+    fs::remove(folder_ / "run/metadata.json");
+    EXPECT_THAT(reason(), HasSubstr("holds 'config.yaml'"));
 }
 
 TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {

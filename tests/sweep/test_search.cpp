@@ -48,7 +48,8 @@ TEST(SearchSpace, ReadsRanges) {
     ASSERT_TRUE(rate);
     EXPECT_FALSE(rate->whole);
     EXPECT_EQ(rate->low, 1e-5);
-    for (const char* text : {"0.5", "a..b", "log 5", "phi_sac", ""}) EXPECT_FALSE(number_range(text)) << text;
+    for (const char* text : {"0.5", "a..b", "log 5", "phi_sac", "", "0..inf", "-inf..1", "log 1..inf"})
+        EXPECT_FALSE(number_range(text)) << text;
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("3..1"); }),
                 HasSubstr("the range 3..1 is empty"));
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("log 0..1"); }), HasSubstr("above 0"));
@@ -283,7 +284,7 @@ TEST_F(HalvingSearch, SaysWhereTheScoresDoNotDecide) {
     ASSERT_EQ(search(), 0);
     EXPECT_THAT(
         folder_.read("said"),
-        HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number went on"));
+        HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number continues"));
 }
 
 TEST_F(HalvingSearch, TheBestSettingsComeWithThoseThatAllRunsHave) {

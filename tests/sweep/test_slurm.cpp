@@ -119,6 +119,8 @@ TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
     auto runs = fake_.runs({"fast", "fast", "fast", "fast", "fast"});
     fs::create_directories(fake_.sweep() / "fast_1/checkpoints/step_000000100");
     fake_.write("runs/fast_1/config.yaml", "");
+    EXPECT_THAT(job_arrays(runs, fake_.sweep()),
+                ElementsAre(ElementsAre("fast_0", "fast_2"), ElementsAre("fast_3", "fast_4")));
     EXPECT_THAT(submit(runs, fake_.sweep(), options()),
                 ElementsAre("job array 17: 2 runs, " + (fake_.sweep() / "slurm/array_1.sh").string(),
                             "job array 18: 2 runs, " + (fake_.sweep() / "slurm/array_2.sh").string()));

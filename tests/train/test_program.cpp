@@ -840,6 +840,18 @@ TEST(EveryProgram, FailsWhereItsStandardOutputCannotBeWritten) {
     }
 }
 
+TEST(EveryProgram, WithoutStandardStreamsWritesItsTablesAndNothingElse) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    std::string words;
+    for (const auto& word : small(run, {"log.every=4"})) words += " '" + word + "'";
+    shell_says(fmt::format("{}/train_sac{} <&- >&- 2>&-", CALE_BINARY_DIR, words));
+    for (const auto* name : {"episodes.csv", "progress.csv", ".lock"})
+        for (const auto* printed : {"step ", "run folder"})
+            EXPECT_THAT(read_file(run / name), testing::Not(testing::HasSubstr(printed))) << name;
+    EXPECT_TRUE(std::filesystem::exists(run / "metadata.json"));
+}
+
 TEST(EveryProgram, TakesAConfigurationFromAnotherCommand) {
     const auto said = shell_says(
         fmt::format("bash -c '{}/train_sac --config <(echo \"train: {{seed: 77}}\") --print-config' 2>&1",
