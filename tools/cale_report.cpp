@@ -195,7 +195,6 @@ void add_report(CLI::App& app) {
     auto& config = options->config;
     command
         .add_option("RUNS", options->runs, "folders of runs, or folders that hold runs, such as a sweep's")
-        ->allow_extra_args(false)  // a folder may be called [x]
         ->type_name("DIR");
     command
         .add_option("-o,--output", options->output,
