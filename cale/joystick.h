@@ -40,7 +40,8 @@ ActionSpace joystick_space(Joystick joystick);
 
 /// Returns the joystick for an action in the coordinates of `joystick`. A cartesian position beyond the gate
 /// keeps its smaller coordinate, up to sqrt(1/2), and the larger one yields: below a threshold of sqrt(1/2)
-/// the joystick events are those of (x, y) itself. Throws std::invalid_argument, naming the coordinate, for
+/// the joystick events are those of (x, y) itself, but for the rounding of r cos theta and r sin theta, which
+/// may lift a coordinate at the threshold beyond it. Throws std::invalid_argument, naming the coordinate, for
 /// NaN, for values outside their interval, and for another number of coordinates.
 ContinuousAction stick(Joystick joystick, std::span<const float> action);
 
