@@ -284,7 +284,8 @@ TEST_F(HalvingSearch, SaysWhereTheScoresDoNotDecide) {
     ASSERT_EQ(search(), 0);
     EXPECT_THAT(
         folder_.read("said"),
-        HasSubstr("Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number continues"));
+        HasSubstr(
+            "Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number continues"));
 }
 
 TEST_F(HalvingSearch, TheBestSettingsComeWithThoseThatAllRunsHave) {
