@@ -289,7 +289,12 @@ class Page(unittest.TestCase):
         ActionChains(self.browser).key_down(Keys.ARROW_DOWN).perform()
         self.until(lambda: self.text("numbers").endswith("DOWN") and self.text("numbers").startswith("r 1.00"))
         self.assertEqual(self.text("player"), "You play")
-        ActionChains(self.browser).key_up(Keys.ARROW_DOWN).send_keys("g").perform()
+        ActionChains(self.browser).key_down("s").key_up(Keys.ARROW_DOWN).perform()  # of two keys one is enough
+        self.plays_on()
+        self.assertRegex(self.text("numbers"), "DOWN$")
+        ActionChains(self.browser).key_up("s").perform()
+        self.until(lambda: self.text("numbers").startswith("r 0.00"))
+        ActionChains(self.browser).send_keys("g").perform()
         self.assertEqual(self.text("player"), "The policy plays")
         self.size(*PHONE, mobile=True)
         box = self.browser.execute_script("""
