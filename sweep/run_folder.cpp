@@ -119,7 +119,7 @@ std::string strange_file(const fs::path& folder) {
     };
     std::error_code ignored;
     for (const auto& item : fs::directory_iterator(folder, ignored))
-        if (const auto name = item.path().filename().string(); !is_begun(name)) return name;
+        if (auto name = item.path().filename().string(); !is_begun(name)) return name;
     for (const auto& item : fs::directory_iterator(folder / "checkpoints", ignored))
         if (item.path().extension() != ".partial") return "checkpoints/" + item.path().filename().string();
     // A run writes its metadata first.
