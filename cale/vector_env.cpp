@@ -16,7 +16,7 @@ namespace {
 
 // The emulator, its ROM and frames: 0.88 MB each (bench/env_speed with 1 and with 33 of them).
 constexpr std::int64_t kBytesOfEnv = 1'000'000;
-constexpr std::int64_t kBytesOfScreen = std::int64_t{210} * 160, kBytesOfMemory = 128;
+constexpr std::int64_t kBytesOfScreen = std::int64_t{210} * 160;
 
 // A fixed number of threads that do one task together, again and again. The caller's is one of them, so that
 // one fewer has to be woken.
@@ -196,7 +196,7 @@ std::int64_t VectorEnv::threads(const EnvConfig& config) {
 }
 
 std::int64_t VectorEnv::memory_per_env(const EnvConfig& config) {
-    const auto seen = config.obs == Obs::ram ? kBytesOfMemory : kBytesOfScreen;
+    const auto seen = config.obs == Obs::ram ? std::int64_t{kRamSize} : kBytesOfScreen;
     return kBytesOfEnv + config.motion.observation_latency.high * seen;
 }
 

@@ -31,23 +31,36 @@ AGENTS = {
 }
 
 
-def rows_of(path):
-    return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
+def rows_of(text):
+    return list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
 
 
-cells = collections.defaultdict(list)
-for run in sorted(pathlib.Path(sys.argv[1]).glob("*__*")):
-    game, *variant, _ = run.name.split("__")
-    agent = AGENTS.get("__".join(variant), "__".join(variant))
-    reached = int(rows_of(run / "progress.csv")[-1]["global_step"])
-    returns = collections.defaultdict(list)
-    for row in rows_of(run / "episodes.csv"):
-        returns[-(-int(row["global_step"]) // WINDOW) * WINDOW].append(float(row["r"]))
-    for steps in sorted(returns):
-        if steps <= reached:
-            cells[game, agent, steps].append(returns[steps])
+def mean(values):
+    values = list(values)
+    return sum(values) / len(values)
 
-print("game,agent,steps,runs,games,mean")
-for (game, agent, steps), runs in sorted(cells.items()):
-    mean = sum(sum(returns) / len(returns) for returns in runs) / len(runs)
-    print(f"{game},{agent},{steps},{len(runs)},{sum(map(len, runs))},{mean:.2f}")
+
+def returns_of(runs):
+    """Returns the training returns in each window: by game, agent and steps, and there by seed."""
+    cells = collections.defaultdict(dict)
+    for run in sorted(pathlib.Path(runs).glob("*__*")):
+        game, *variant, seed = run.name.split("__")
+        agent = AGENTS.get("__".join(variant), "__".join(variant))
+        reached = int(rows_of((run / "progress.csv").read_text())[-1]["global_step"])
+        for row in rows_of((run / "episodes.csv").read_text()):
+            steps = -(-int(row["global_step"]) // WINDOW) * WINDOW
+            if steps <= reached:
+                cells[game, agent, steps].setdefault(seed, []).append(float(row["r"]))
+    return cells
+
+
+def table_of(cells):
+    lines = ["game,agent,steps,runs,games,mean"]
+    for (game, agent, steps), seeds in sorted(cells.items()):
+        score = mean(map(mean, seeds.values()))
+        lines.append(f"{game},{agent},{steps},{len(seeds)},{sum(map(len, seeds.values()))},{score:.2f}")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(table_of(returns_of(sys.argv[1])), end="")
