@@ -1,33 +1,35 @@
 // What random play on the continuous joystick scores: made data/joystick_random_scores.csv.
 //   joystick_random FILE GAMES STEPS SEED [GAME]
-// Plays each of the 60 games, or GAME alone, under both protocols until GAMES games have ended or STEPS agent
-// steps are played; the game under way is played to its end. Every action is drawn uniformly from the box:
-// r in [0, 1], theta in [-pi, pi], fire in [0, 1]. FILE is written after each game; rows that it has already
-// are kept, so the same command continues where it was stopped.
+// Plays each of the 60 games, or GAME alone, under both protocols, in polar and in cartesian coordinates,
+// until GAMES games have ended or STEPS agent steps are played; the game under way is played to its end.
+// Every action is drawn uniformly from the box of the coordinates. FILE is written after each game; rows that
+// it has already are kept, so the same command continues where it was stopped.
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <numbers>
 #include <random>
 #include <stdexcept>
 #include <string>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "bench/command_line.h"
 #include "cale/env.h"
+#include "cale/fields.h"
 #include "cale/games.h"
+#include "cale/joystick.h"
 #include "report/aggregate.h"
 
 namespace {
 
 constexpr auto kUsageLine = "joystick_random FILE GAMES STEPS SEED [GAME]";
-constexpr auto kHeader = "game,protocol,games,cut_games,agent_steps,mean,low,high,rewarded_share";
+constexpr auto kHeader = "game,protocol,joystick,games,cut_games,agent_steps,mean,low,high,rewarded_share";
 
 struct Protocol {
     std::string name;
@@ -36,16 +38,20 @@ struct Protocol {
 const std::array<Protocol, 2> kProtocols{
     {{"200m", cale::protocol_200m}, {"atari100k", cale::protocol_atari100k}}};
 
-using Rows = std::map<std::pair<std::string, std::string>, std::string>;  // (game, protocol) -> line
+constexpr std::array kJoysticks{cale::Joystick::polar, cale::Joystick::cartesian};
+
+// (game, protocol, number in kJoysticks) -> line
+using Rows = std::map<std::tuple<std::string, std::string, std::size_t>, std::string>;
 
 // [0, 1): the standard leaves open what its distributions draw.
 float uniform(std::mt19937_64& random) {
     return static_cast<float>(random() >> 40) * 0x1p-24F;
 }
 
-std::string play(const cale::Game& game, const Protocol& protocol, std::size_t games, std::int64_t steps,
-                 std::uint32_t seed) {
-    constexpr float kPi = std::numbers::pi_v<float>;
+std::string play(const cale::Game& game, const Protocol& protocol, cale::Joystick joystick, std::size_t games,
+                 std::int64_t steps, std::uint32_t seed) {
+    const auto coordinates = cale::stick_coordinates(joystick);
+    std::vector<float> drawn(coordinates.size());
     cale::Env env(protocol.config(std::string(game.rom)), seed);
     std::mt19937_64 random(seed);
     std::vector<std::uint8_t> observation(cale::kFrameSize);
@@ -56,11 +62,11 @@ std::string play(const cale::Game& game, const Protocol& protocol, std::size_t g
         double sum = 0;
         cale::StepResult result;
         while (!result.episode_over) {
-            cale::ContinuousAction action;
-            action.radius = uniform(random);
-            action.theta = kPi * (2 * uniform(random) - 1);
-            action.fire = uniform(random);
-            result = env.step(action, observation);
+            std::ranges::transform(coordinates, drawn.begin(), [&](const auto& axis) {
+                const float centre = (axis.low + axis.high) / 2, half_width = (axis.high - axis.low) / 2;
+                return centre + half_width * (2 * uniform(random) - 1);
+            });
+            result = env.step(cale::stick(joystick, drawn), observation);
             sum += result.reward;
             ++played;
             if (result.reward != 0) ++rewarded;
@@ -69,8 +75,8 @@ std::string play(const cale::Game& game, const Protocol& protocol, std::size_t g
         returns.push_back(sum);
     }
     const cale::Estimate mean = cale::mean_of_runs(returns);
-    return fmt::format("{},{},{},{},{},{:.6g},{:.6g},{:.6g},{:.4g}", game.name, protocol.name, returns.size(),
-                       cut, played, mean.value, mean.low, mean.high,
+    return fmt::format("{},{},{},{},{},{},{:.6g},{:.6g},{:.6g},{:.4g}", game.name, protocol.name,
+                       cale::name_of(joystick), returns.size(), cut, played, mean.value, mean.low, mean.high,
                        static_cast<double>(rewarded) / static_cast<double>(played));
 }
 
@@ -83,8 +89,12 @@ Rows read_rows(const std::string& path) {
         throw std::invalid_argument(path + " is no table of this program: choose another file");
     while (std::getline(file, line)) {
         const auto cells = cale::split(line, ',');
-        if (cells.size() < 2) throw std::invalid_argument(path + " has a row without a game: " + line);
-        rows[{cells[0], cells[1]}] = line;
+        const auto* const joystick =
+            cells.size() < 3 ? kJoysticks.end()
+                             : std::ranges::find(kJoysticks, cells[2], &cale::name_of<cale::Joystick>);
+        if (joystick == kJoysticks.end())
+            throw std::invalid_argument(path + " has a row without a game or a joystick: " + line);
+        rows[{cells[0], cells[1], joystick - kJoysticks.begin()}] = line;
     }
     return rows;
 }
@@ -112,12 +122,14 @@ int measure(int argc, char** argv) {
     for (const cale::Game& game : cale::games()) {
         if (only != nullptr && &game != only) continue;
         for (const Protocol& protocol : kProtocols) {
-            std::string& row = rows[{std::string(game.name), protocol.name}];
-            if (!row.empty()) continue;
-            row = play(game, protocol, games, steps, seed);
-            write_rows(path, rows);
-            std::puts(row.c_str());
-            std::fflush(stdout);
+            for (std::size_t i = 0; i < kJoysticks.size(); ++i) {
+                std::string& row = rows[{std::string(game.name), protocol.name, i}];
+                if (!row.empty()) continue;
+                row = play(game, protocol, kJoysticks[i], games, steps, seed);
+                write_rows(path, rows);
+                std::puts(row.c_str());
+                std::fflush(stdout);
+            }
         }
     }
     return 0;

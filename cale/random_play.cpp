@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "cale/fields.h"
+
 namespace cale {
 namespace {
 
@@ -35,13 +37,15 @@ std::span<const RandomPlay> joystick_random_scores() {
     return kScores;
 }
 
-const RandomPlay& joystick_random(std::string_view game, std::string_view protocol) {
+const RandomPlay& joystick_random(std::string_view game, std::string_view protocol, Joystick joystick) {
     const auto name = find_game(game).name;
-    const auto* const found = std::ranges::find_if(
-        kScores, [&](const RandomPlay& play) { return play.game == name && play.protocol == protocol; });
+    const auto* const found = std::ranges::find_if(kScores, [&](const RandomPlay& play) {
+        return play.game == name && play.protocol == protocol && play.joystick == joystick;
+    });
     if (found != std::end(kScores)) return *found;
-    throw std::invalid_argument("random play on the joystick was not measured under a protocol '" +
-                                std::string(protocol) + "': the protocols are 200m and atari100k");
+    throw std::invalid_argument("random play was not measured under a protocol '" + std::string(protocol) +
+                                "' with a joystick '" + std::string(name_of(joystick)) +
+                                "': the protocols are 200m and atari100k, the joysticks polar and cartesian");
 }
 
 namespace {
@@ -49,23 +53,30 @@ namespace {
 /// Whether games are as long as those of random play, whose scores grow with it.
 bool has_usual_length(const EnvConfig& config) {
     const EnvConfig usual;
-    return config.frame_skip == usual.frame_skip && config.max_frames_per_episode >= kShortestCap &&
+    return config.frame_skip == usual.frame_skip && !cuts_games_short(config) &&
            config.max_frames_per_episode <= usual.max_frames_per_episode;
 }
 
 }  // namespace
 
+bool cuts_games_short(const EnvConfig& config) {
+    return config.max_frames_per_episode < kShortestCap;
+}
+
 std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
     if (is_variant(config) || games_of(config.game).size() > 1) return std::nullopt;
     const EnvConfig measured = protocol_200m(config.game);
     const Game& game = find_game(config.game);
-    const bool same_joystick =
-        config.action_space == measured.action_space && coordinates(config) == measured.joystick &&
-        config.threshold == measured.threshold && config.event_map == measured.event_map &&
-        !moves(config.motion) && (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
+    const auto joystick = coordinates(config);
+    const bool same_joystick = config.action_space == measured.action_space &&
+                               (joystick == Joystick::polar || joystick == Joystick::cartesian) &&
+                               config.threshold == measured.threshold &&
+                               config.event_map == measured.event_map && !moves(config.motion) &&
+                               (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
     if (!same_joystick || !has_usual_length(config) || !was_measured(game)) return std::nullopt;
-    if (config.sticky_probability == measured.sticky_probability) return joystick_random(game.name, "200m");
-    if (config.sticky_probability == 0) return joystick_random(game.name, "atari100k");
+    if (config.sticky_probability == measured.sticky_probability)
+        return joystick_random(game.name, "200m", joystick);
+    if (config.sticky_probability == 0) return joystick_random(game.name, "atari100k", joystick);
     return std::nullopt;
 }
 

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cale/fields.h"
 #include "cale/random_play.h"
 #include "cale/text.h"
 #include "message_of.h"
@@ -15,19 +16,22 @@ namespace {
 using testing::HasSubstr;
 
 TEST(RandomPlay, HoldsEveryGameUnderBothProtocols) {
-    EXPECT_EQ(cale::joystick_random_scores().size(), 120u);
+    EXPECT_EQ(cale::joystick_random_scores().size(), 240u);
     for (const auto& game : cale::games()) {
         for (const auto* protocol : {"200m", "atari100k"}) {
-            const auto& play = cale::joystick_random(game.rom, protocol);
-            SCOPED_TRACE(std::string(game.name) + " " + protocol);
-            EXPECT_EQ(play.game, game.name);
-            EXPECT_EQ(play.protocol, protocol);
-            EXPECT_TRUE(play.games >= 100 || play.agent_steps >= 30'000);
-            EXPECT_LE(play.cut_games, play.games);
-            EXPECT_LE(play.low, play.mean);
-            EXPECT_GE(play.high, play.mean);
-            EXPECT_GE(play.rewarded_share, 0);
-            EXPECT_LE(play.rewarded_share, 1);
+            for (const auto joystick : {cale::Joystick::polar, cale::Joystick::cartesian}) {
+                const auto& play = cale::joystick_random(game.rom, protocol, joystick);
+                SCOPED_TRACE(std::string(game.name) + " " + protocol);
+                EXPECT_EQ(play.game, game.name);
+                EXPECT_EQ(play.protocol, protocol);
+                EXPECT_EQ(play.joystick, joystick);
+                EXPECT_TRUE(play.games >= 100 || play.agent_steps >= 30'000);
+                EXPECT_LE(play.cut_games, play.games);
+                EXPECT_LE(play.low, play.mean);
+                EXPECT_GE(play.high, play.mean);
+                EXPECT_GE(play.rewarded_share, 0);
+                EXPECT_LE(play.rewarded_share, 1);
+            }
         }
     }
 }
@@ -36,20 +40,21 @@ TEST(RandomPlay, TheCompiledTableIsTheShippedOne) {
     std::ifstream file(CALE_SOURCE_DIR "/data/joystick_random_scores.csv");
     std::string line;
     ASSERT_TRUE(std::getline(file, line));
-    EXPECT_EQ(line, "game,protocol,games,cut_games,agent_steps,mean,low,high,rewarded_share");
+    EXPECT_EQ(line, "game,protocol,joystick,games,cut_games,agent_steps,mean,low,high,rewarded_share");
     for (const auto& play : cale::joystick_random_scores()) {
         ASSERT_TRUE(std::getline(file, line));
         const auto cells = cale::split(line, ',');
-        ASSERT_EQ(cells.size(), 9u) << line;
+        ASSERT_EQ(cells.size(), 10u) << line;
         EXPECT_EQ(cells[0], play.game);
         EXPECT_EQ(cells[1], play.protocol);
-        EXPECT_EQ(cale::number_in<std::int64_t>(cells[2]), play.games) << line;
-        EXPECT_EQ(cale::number_in<std::int64_t>(cells[3]), play.cut_games) << line;
-        EXPECT_EQ(cale::number_in<std::int64_t>(cells[4]), play.agent_steps) << line;
-        EXPECT_EQ(cale::number_in<double>(cells[5]), play.mean) << line;
-        EXPECT_EQ(cale::number_in<double>(cells[6]), play.low) << line;
-        EXPECT_EQ(cale::number_in<double>(cells[7]), play.high) << line;
-        EXPECT_EQ(cale::number_in<double>(cells[8]), play.rewarded_share) << line;
+        EXPECT_EQ(cells[2], cale::name_of(play.joystick));
+        EXPECT_EQ(cale::number_in<std::int64_t>(cells[3]), play.games) << line;
+        EXPECT_EQ(cale::number_in<std::int64_t>(cells[4]), play.cut_games) << line;
+        EXPECT_EQ(cale::number_in<std::int64_t>(cells[5]), play.agent_steps) << line;
+        EXPECT_EQ(cale::number_in<double>(cells[6]), play.mean) << line;
+        EXPECT_EQ(cale::number_in<double>(cells[7]), play.low) << line;
+        EXPECT_EQ(cale::number_in<double>(cells[8]), play.high) << line;
+        EXPECT_EQ(cale::number_in<double>(cells[9]), play.rewarded_share) << line;
     }
     EXPECT_FALSE(std::getline(file, line)) << line;
 }
@@ -80,7 +85,7 @@ TEST(RandomPlay, BelongsToTheRulesThatItWasMeasuredUnder) {
     EXPECT_EQ(changed([](auto& env) { env.threshold = 0.4; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.event_map = cale::EventMap::ale_0_10; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.paddle_strength = cale::PaddleStrength::radius; }), "none");
-    EXPECT_EQ(changed([](auto& env) { env.joystick = cale::Joystick::cartesian; }), "none");
+    EXPECT_EQ(changed([](auto& env) { env.joystick = cale::Joystick::direction; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.frame_skip = 2; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 99'999; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 100'000; }), "atari100k");
@@ -101,6 +106,14 @@ TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
 }
 
+TEST(RandomPlay, CartesianCoordinatesHaveAFloorOfTheirOwn) {
+    auto config = cale::protocol_atari100k("up_n_down");
+    config.joystick = cale::Joystick::cartesian;
+    const auto& play = cale::joystick_random("up_n_down", "atari100k", cale::Joystick::cartesian);
+    EXPECT_EQ(cale::random_floor(config), play.mean);
+    EXPECT_NE(play.mean, cale::joystick_random("up_n_down", "atari100k").mean);
+}
+
 TEST(RandomPlay, FactoredPositionsHaveTheFloorOfTheEventsThatTheyReach) {
     auto config = cale::protocol_200m("hero");
     config.joystick = cale::Joystick::factored;
@@ -117,7 +130,8 @@ TEST(RandomPlay, UnknownGamesAndProtocolsAreNamed) {
         return message_of<std::invalid_argument>([&] { cale::joystick_random(game, protocol); });
     };
     EXPECT_THAT(refusal("pnog", "200m"), HasSubstr("no game 'pnog'"));
-    EXPECT_THAT(refusal("pong", "100k"), HasSubstr("protocol '100k': the protocols are 200m and atari100k"));
+    EXPECT_THAT(refusal("pong", "100k"),
+                HasSubstr("protocol '100k' with a joystick 'polar': the protocols are 200m and atari100k"));
 }
 
 TEST(EmulatorRandomPlay, ThePaddlesStrengthMattersInPongAndBreakoutAlone) {
