@@ -59,7 +59,7 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     fields(settings.epsilon, visit);
     visit("learning_rate", settings.learning_rate, Range{0, 1},
           "Adam's learning rate, for the networks and, without alpha_learning_rate, for alpha");
-    visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("adam_epsilon", settings.adam_epsilon, Range{1e-12, 1}, "Adam's epsilon, outside the root");
     visit("tau", settings.tau, Range{0, 1},
           "part of the online network that the target takes on at every gradient step");
     visit("actor_period", settings.actor_period, Range{1, 1'000'000},
@@ -97,7 +97,7 @@ struct ActorCriticState {
           adam(parameters, adam_config),
           alpha_adam({log_alpha}, alpha_adam_config.value_or(adam_config)) {}
 
-    /// A network of make_network(settings, spec, generator) and an equal target, on the spec's device.
+    /// A network of initial_network() and an equal target.
     template <std::derived_from<ActorCriticSettings> Config>
     ActorCriticState(const Config& settings, const AgentSpec& spec)
         : ActorCriticState(
@@ -114,9 +114,10 @@ struct ActorCriticState {
         acts_with_target = settings.act_with_target;
     }
 
-    /// One gradient step on `losses`, twice J_Q (critic_loss()), J_pi and J_alpha, [] each; then the target
-    /// moves by `tau`. Where J_pi and J_alpha are undefined, only the critics are updated: see Adam::delay().
-    /// Detaches the losses from their graphs. The gradients stay in the parameters until the next call.
+    /// One gradient step on `losses`: critic_loss(), which is twice J_Q, J_pi and J_alpha, [] each; then the
+    /// target moves by `tau`. Where J_pi and J_alpha are undefined, only the critics are updated: see
+    /// Adam::delay(). Detaches the losses from their graphs. The gradients stay in the parameters until the
+    /// next call.
     template <class Losses>
     void step(Losses& losses, double tau) {
         adam.zero_grad();
@@ -169,14 +170,6 @@ struct ActorCriticState {
     std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
     std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them
     Adam adam, alpha_adam;                                     // of the network, of log_alpha
-
-  private:
-    template <class Config>
-    static Network initial_network(const Config& settings, const AgentSpec& spec) {
-        auto made = make_network(settings, spec, initial_values(spec));
-        made->to(spec.device);
-        return made;
-    }
 };
 
 }  // namespace cale

@@ -6,12 +6,6 @@
 
 namespace cale {
 
-std::vector<std::int64_t> observation_shape(const AgentSpec& spec) {
-    std::vector<std::int64_t> shape{spec.observation.stack};
-    shape.insert(shape.end(), spec.observation.shape.begin(), spec.observation.shape.end());
-    return shape;
-}
-
 void require_continuous(std::string_view who, const AgentSpec& spec) {
     if (std::holds_alternative<Box>(spec.action_space)) return;
     throw std::invalid_argument(std::string(who) +

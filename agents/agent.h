@@ -65,9 +65,6 @@ struct StepBatch {
     std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
 };
 
-/// Returns the shape of an observation: [stack, rows, columns], or [stack, bytes] where it is no image.
-std::vector<std::int64_t> observation_shape(const AgentSpec& spec);
-
 /// What a policy file stores of an agent, so that it acts as in the agent's evaluations: docs/policy_file.md.
 struct AgentPolicy {
     NetworkSpec network;   // the half that acts
@@ -90,7 +87,7 @@ class Agent {
   public:
     virtual ~Agent() = default;
 
-    /// Returns one action for each observation [N, stack, H, W] uint8: [N, A] float32, or [N] int64.
+    /// Returns one action for each observation [N, stack, ...] uint8: [N, A] float32, or [N] int64.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
     /// Records the outcome of the actions. Called once per agent step.

@@ -54,8 +54,8 @@ void fields(CriticSettings& settings, Visit&& visit) {
 
 /// The targets of both critics at the stored actions.
 struct CriticTargets {
-    torch::Tensor values;        // [B] y, beyond the atoms too
-    torch::Tensor distribution;  // [B, atoms] of y, projected; undefined for critics of the mean
+    torch::Tensor values;             // [B] y, beyond the atoms too
+    torch::Tensor distribution = {};  // [B, atoms] of y, projected; undefined for critics of the mean
 };
 
 /// Returns the targets that follow from the target critics' `outputs` at the next states, those of

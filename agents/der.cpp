@@ -98,7 +98,7 @@ struct Der : QState {
     static constexpr bool kDrawsInUpdates = true;
 
     Der(const DerConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, head_of(settings)), config(settings), device(spec.device) {}
+        : QState(settings, spec), config(settings), device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const bool noisy = now.training() || is_noisy(network->acting);

@@ -48,8 +48,7 @@ struct Dqn : QState {
     using Losses = DqnLosses;
     static constexpr bool kDrawsInUpdates = false;
 
-    Dqn(const DqnConfig& settings, const AgentSpec& spec)
-        : QState(settings, spec, head_of(settings)), config(settings) {}
+    Dqn(const DqnConfig& settings, const AgentSpec& spec) : QState(settings, spec), config(settings) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)

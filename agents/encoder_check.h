@@ -10,7 +10,7 @@ namespace cale {
 /// world shows.
 template <class AgentConfig>
 void check_encoder(const AgentConfig& agent, const AgentSpec& spec) {
-    EncoderConfig encoder{.observation = observation_shape(spec)};
+    EncoderConfig encoder{.observation = spec.observation.tensor_shape()};
     if constexpr (requires { encoder.encoder = agent.network.encoder; })
         encoder.encoder = agent.network.encoder;
     else if constexpr (requires { encoder.encoder = agent.encoder; })

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <stdexcept>
+#include <string>
 
 #include <torch/types.h>
 
@@ -20,10 +21,10 @@ double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, s
     return final + std::clamp(bonus, 0.0, 1 - final);
 }
 
-void require_finite(const torch::Tensor& actions) {
-    if (actions.isfinite().all().item<bool>()) return;
-    throw std::runtime_error(
-        "the actor's output is not finite: training has diverged, try a lower learning_rate");
+void require_finite(const torch::Tensor& numbers, std::string_view what) {
+    if (numbers.isfinite().all().item<bool>()) return;
+    throw std::runtime_error(std::string(what) +
+                             " is not finite: training has diverged, try a lower learning_rate");
 }
 
 std::span<const std::string_view> names_of(RandomActions) {

@@ -46,8 +46,8 @@ void fields(EpsilonSettings& settings, Visit&& visit) {
 double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, std::int64_t warmup_steps,
                                  double final);
 
-/// Throws std::runtime_error where an actor's output is not finite.
-void require_finite(const torch::Tensor& actions);
+/// Throws std::runtime_error that calls the numbers `what` where one of them is not finite.
+void require_finite(const torch::Tensor& numbers, std::string_view what = "the actor's output");
 
 /// [count, A]: one of the box's landmarks each, or without landmarks anywhere in the box, where coordinates
 /// are independent: uniform in (r, theta) and not on the disc.

@@ -5,9 +5,6 @@
 #include <string_view>
 
 #include "agents/agent.h"
-#include "agents/off_policy.h"
-#include "networks/layers.h"
-#include "replay/replay_memory.h"
 
 namespace cale {
 
@@ -23,20 +20,6 @@ struct NetworkMemory {
 /// device other than the CPU only the copies count. Throws std::runtime_error, naming both figures and the
 /// settings to lower, where they do not fit.
 std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available);
-
-/// See AgentSpec: of every agent with a replay that has make_network(config, spec, generator). Names what is
-/// too large and the settings to lower: Config::kSizeSettings, or the replay's.
-template <class Config>
-requires requires(const Config& config) {
-    config.replay;
-    Config::kSizeSettings;
-}
-void check_memory(const Config& config, const AgentSpec& spec, std::int64_t available) {
-    const auto network = make_network(config, spec, no_values());
-    const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, Config::kSizeSettings};
-    check_memory(replay_config(config.replay, spec, is_prioritised(config)),
-                 memory_beside(networks, spec, available));
-}
 
 /// Throws std::runtime_error for insufficient memory: `what` needs `needed` bytes, and how to reduce that.
 [[noreturn]] void refuse_memory(std::string_view what, std::int64_t needed, std::int64_t available,

@@ -22,7 +22,7 @@ struct NetworkSettings {
     EncoderConfig encoder_for(const AgentSpec& spec) const {
         return {.encoder = encoder,
                 .phi_dqn = phi_dqn,
-                .observation = observation_shape(spec),
+                .observation = spec.observation.tensor_shape(),
                 .precision = spec.precision,
                 .layer_norm = layer_norm};
     }

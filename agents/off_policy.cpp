@@ -26,8 +26,7 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kReplay, kUpdates, kEvalu
 ReplayConfig replay_config(const ReplaySettings& settings, const AgentSpec& spec, bool prioritised) {
     return {.capacity = settings.replay_capacity,
             .num_envs = spec.num_envs,
-            .stack = spec.observation.stack,
-            .frame_shape = spec.observation.shape,
+            .observation = spec.observation,
             .action_size = box_size(spec.action_space),
             .update_horizon = settings.update_horizon,
             .gamma = settings.gamma,
@@ -123,6 +122,7 @@ Batch AgentReplay::sample() {
 
 void AgentReplay::set_priorities(const Batch& batch, const torch::Tensor& priorities) {
     const auto on_host = priorities.to(torch::kCPU);  // waits for the device
+    require_finite(on_host, "a transition's priority");
     const Timed timed(time_.replay);
     buffer_->set_priorities(batch.index, on_host);
 }

@@ -92,7 +92,8 @@ class AgentReplay {
 
     /// Returns a batch on the agent's device, in the same memory every time. `index` stays on the CPU.
     Batch sample();
-    /// Sets the priorities of the batch sampled last. Must be called before anything else is recorded.
+    /// Sets the priorities of the batch sampled last. Must be called before anything else is recorded. Throws
+    /// std::runtime_error for one that is not finite.
     void set_priorities(const Batch& batch, const torch::Tensor& priorities);
 
     /// Returns the seconds spent so far in the replay, and in copying its batches to the device.
@@ -117,9 +118,17 @@ class AgentReplay {
 /// action has another shape than `action`.
 void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArrayRef action);
 
-/// Returns the generator of an agent's initial parameters. Every call returns the same stream, so that a
-/// target starts equal to its network.
+/// Returns the generator of an agent's initial parameters. Every call returns the same stream.
 at::Generator initial_values(const AgentSpec& spec);
+
+/// Returns a network of make_network(config, spec, generator) on the spec's device. Every call returns the
+/// same parameters.
+template <class Config>
+auto initial_network(const Config& config, const AgentSpec& spec) {
+    auto network = make_network(config, spec, initial_values(spec));
+    network->to(spec.device);
+    return network;
+}
 
 /// The random streams of an agent beside those of its replay and of its initial parameters.
 struct RandomStreams {
@@ -160,8 +169,8 @@ bool is_prioritised(const Config& config) {
 
 /// The context in which an algorithm acts.
 struct Acting {
-    ActMode mode;          // with exploration, or as evaluations act
-    double epsilon;        // in training the schedule's, 1 during the warm-up; in evaluation epsilon_eval
+    ActMode mode;    // with exploration, or as evaluations act
+    double epsilon;  // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
     at::Generator random;  // of training or of evaluation, on the CPU
 
     bool training() const { return mode == ActMode::train; }  // otherwise evaluation
@@ -205,7 +214,7 @@ class OffPolicy final : public Agent {
         const bool training = mode == ActMode::train;
         return algorithm_.act(observations.to(spec_.device),
                               {.mode = mode,
-                               .epsilon = training ? epsilon() : algorithm_.config.epsilon.epsilon_eval,
+                               .epsilon = training ? epsilon() : evaluation_epsilon(),
                                .random = training ? random_.acting : random_.evaluation});
     }
 
@@ -250,11 +259,16 @@ class OffPolicy final : public Agent {
     Replay* replay() override { return &replay_.buffer(); }
 
   private:
+    bool explores_by_noise() const {
+        if constexpr (requires { algorithm_.config.exploration; })
+            return algorithm_.config.exploration == Exploration::standard;
+        return false;
+    }
+
     /// None if the algorithm explores by its own noise.
     std::optional<double> exploration_epsilon() const {
+        if (explores_by_noise()) return std::nullopt;
         const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
-        if constexpr (requires { algorithm_.config.exploration; })
-            if (algorithm_.config.exploration == Exploration::standard) return std::nullopt;
         if constexpr (requires { algorithm_.epsilon(scheduled, true); })
             return algorithm_.epsilon(scheduled, replay_.warms_up());
         return scheduled;
@@ -262,10 +276,7 @@ class OffPolicy final : public Agent {
     double epsilon() const { return exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0); }
 
     double evaluation_epsilon() const {
-        const auto& config = algorithm_.config;
-        if constexpr (requires { config.exploration; })
-            if (config.exploration == Exploration::standard) return 0;
-        return config.epsilon.epsilon_eval;
+        return explores_by_noise() ? 0 : algorithm_.config.epsilon.epsilon_eval;
     }
 
     bool delays_the_actor() const {

@@ -225,8 +225,7 @@ class OnPolicy final : public Agent {
     std::unique_ptr<Rollout> empty_rollout() const {
         const RolloutConfig config{.length = settings_.rollout_steps / share_.all,
                                    .num_envs = spec_.num_envs,
-                                   .stack = spec_.observation.stack,
-                                   .frame_shape = spec_.observation.shape,
+                                   .observation = spec_.observation,
                                    .action_size = box_size(spec_.action_space),
                                    .reward_scale = settings_.reward_scale,
                                    .reward_clip = settings_.reward_clip};
@@ -243,6 +242,7 @@ class OnPolicy final : public Agent {
     }
 
     torch::Tensor sampled(const PpoPolicy& policy, const EnvShare& share, at::Generator& random) {
+        require_finite(policy.gaussian ? policy.gaussian->mean : policy.log_pi);
         if (!policy.gaussian) {
             const auto pi = share.among_all(policy.log_pi.exp().cpu(), /*filler=*/1);
             return share.own(pi.multinomial(1, true, random).squeeze(1));

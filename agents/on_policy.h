@@ -78,7 +78,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
     visit("anneal_learning_rate", settings.anneal_learning_rate, "let it fall linearly to 0");
     visit("anneal_steps", settings.anneal_steps, Range{0, 1e12},
           "gradient steps until it is 0 (and stays so); 0: the whole run");
-    visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("adam_epsilon", settings.adam_epsilon, Range{1e-12, 1}, "Adam's epsilon, outside the root");
     visit("reward_scale", settings.reward_scale, Range{0, 1e9}, "factor of every reward");
     visit("reward_clip", settings.reward_clip, Range{1e-6, 1e9},
           "rewards are clipped to plus or minus this; none: off");
@@ -92,13 +92,16 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
     fields(settings.epsilon, visit);
 }
 
-/// B steps of a rollout. The second line [B] is from before the update.
+/// B steps of a rollout.
 struct RolloutBatch {
-    torch::Tensor observation, action;      // what was seen and done
-    torch::Tensor old_log_prob, old_value;  // of the actions; of the states
-    torch::Tensor advantage, returns;       // GAE; advantage + value
-    torch::Tensor importance = {};          // [B] or undefined: 1; see on_policy()
-    std::int64_t global_size = 0;           // the divisor of means: the B of all processes together
+    torch::Tensor observation;      // [B, stack, ...] uint8
+    torch::Tensor action;           // [B, A] float32, or [B] int64
+    torch::Tensor old_log_prob;     // [B] of the actions, before the update
+    torch::Tensor old_value;        // [B] of the observations, before the update
+    torch::Tensor advantage;        // [B] by GAE
+    torch::Tensor returns;          // [B] advantage + old_value
+    torch::Tensor importance = {};  // [B], or undefined: 1; see on_policy()
+    std::int64_t global_size = 0;   // the divisor of means: the B of all processes together
 };
 
 /// Returns the batch with its advantages normalised over those of all processes, then times their importance,

@@ -17,33 +17,17 @@ QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadC
     head.layer_norm = settings.layer_norm;
     head.dueling = settings.dueling;
     return QNetwork(EncoderConfig{.encoder = settings.encoder,
-                                  .observation = observation_shape(spec),
+                                  .observation = spec.observation.tensor_shape(),
                                   .padding = settings.padding,
                                   .precision = spec.precision,
                                   .layer_norm = settings.layer_norm},
                     head, generator);
 }
 
-namespace {
-
-QNetwork initial_network(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head) {
-    auto network = make_q_network(settings, spec, head, initial_values(spec));
-    network->to(spec.device);
-    return network;
-}
-
-}  // namespace
-
 QState::QState(QNetwork online, QNetwork target_network, const AdamConfig& adam_config)
     : network(std::move(online)),
       target(std::move(target_network)),
       adam(network->parameters(), adam_config) {}
-
-QState::QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head)
-    : QState(initial_network(settings, spec, head), initial_network(settings, spec, head),
-             {.learning_rate = settings.learning_rate,
-              .epsilon = settings.adam_epsilon,
-              .weight_decay = settings.weight_decay}) {}
 
 void QState::step(torch::Tensor& loss) {
     adam.zero_grad();

@@ -46,7 +46,7 @@ void fields(QSettings& settings, Visit&& visit) {
           "agent steps between copies of the network to the target");
     fields(settings.epsilon, visit);
     visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate");
-    visit("adam_epsilon", settings.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
+    visit("adam_epsilon", settings.adam_epsilon, Range{1e-12, 1}, "Adam's epsilon, outside the root");
     visit("weight_decay", settings.weight_decay, Range{0, 1}, "of AdamW; 0: Adam");
 }
 
@@ -66,10 +66,13 @@ QNetwork make_network(const Config& config, const AgentSpec& spec, const at::Gen
 struct QState {
     /// Takes the networks as they are.
     QState(QNetwork network, QNetwork target, const AdamConfig& adam_config);
-    /// On the spec's device and for its observations and actions; the target starts equal to the network.
-    /// `head` says how action values are represented; its numbers of actions and of hidden units are set
-    /// here.
-    QState(const QSettings& settings, const AgentSpec& spec, const QHeadConfig& head);
+    /// A network of initial_network() and an equal target.
+    template <std::derived_from<QSettings> Config>
+    QState(const Config& config, const AgentSpec& spec)
+        : QState(initial_network(config, spec), initial_network(config, spec),
+                 {.learning_rate = config.learning_rate,
+                  .epsilon = config.adam_epsilon,
+                  .weight_decay = config.weight_decay}) {}
 
     /// One step along the gradient of `loss` [], which afterwards is without its graph.
     void step(torch::Tensor& loss);

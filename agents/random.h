@@ -13,12 +13,13 @@ namespace cale {
 /// (Steele et al. 2014), so that neighbouring seeds and streams have nothing in common.
 std::uint64_t stream_seed(std::uint64_t seed, std::uint64_t stream);
 
-/// On the CPU what is drawn does not depend on the device that trains; on that device it need not travel.
+/// Returns a generator of random numbers on this device. Those of the CPU do not depend on the device that
+/// trains; those of that device need not be copied to it.
 at::Generator make_generator(std::uint64_t seed, c10::Device device = c10::DeviceType::CPU);
 
 /// A generator's state as uint8 [bytes].
 torch::Tensor random_state(const at::Generator& generator);
-/// See above.
+/// The same for an engine of the standard library.
 torch::Tensor random_state(const std::mt19937_64& engine);
 
 /// The generators that such states are of, the first on `device`, where a state of the other kind of device

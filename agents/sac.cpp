@@ -54,7 +54,7 @@ SacLosses sac_losses(SacNetwork& network, SacNetwork& target_network, const torc
                      .target_values = y.values};
     if (!with_actor) return losses;
 
-    // Actor, SAC's equation 9.
+    // Actor, SAC's equation 9. The critics are not trained by it: see ActorCriticState::step().
     const auto policy = network->policy(features);
     const auto pi = sample(policy, noise.actor, network->box);
     const auto q_pi = network->values(critic_z.detach(), pi.action).estimate(config.twin_estimate);
@@ -96,7 +96,7 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto count = observations.size(0), axes = box.centre.size(0);
-        if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);
+        if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);  // warm-up
         const bool draws = now.training() || config.sampled_evaluation;
         const auto noise = draws ? torch::randn({count, axes}, now.random) : torch::Tensor();
         const auto policy = acting()->policy(acting()->encoder->trunk(observations));

@@ -45,7 +45,7 @@ struct SacNoise {
     torch::Tensor actor;   // for the action at the state
 };
 
-/// Of the critics alone: critic, q1, q2 and target_values.
+/// Without the actor only critic, q1, q2 and target_values are set.
 struct SacLosses {
     torch::Tensor critic;          // [] see critic_loss(); [] are means with gradients
     torch::Tensor actor = {};      // [] J_pi

@@ -93,15 +93,15 @@ struct Sacd : ActorCriticState<SacdNetwork> {
           target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        if (now.training() && now.epsilon >= 1)
+        if (now.training() && now.epsilon >= 1)  // warm-up
             return torch::randint(0, num_actions, {observations.size(0)}, now.random, torch::kInt64);
         const auto log_pi = acting()->log_policy(acting()->encoder->trunk(observations));
+        require_finite(log_pi);
         const auto actions =
             now.training() || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        const bool standard = config.exploration == Exploration::standard;
-        return epsilon_greedy(actions, standard ? 0 : now.epsilon, num_actions, now.random);
+        return epsilon_greedy(actions, now.epsilon, num_actions, now.random);
     }
 
     SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {

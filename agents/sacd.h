@@ -46,8 +46,8 @@ void fields(SacdConfig& config, Visit&& visit) {
           "whose policy weighs the actions that follow: online, as in SAC-D, or the target network's");
 }
 
-/// The first three are means over the batch and carry gradients; the rest is for the log. Of the critics
-/// alone: critic, q1, q2 and target_values.
+/// The first three are means over the batch and carry gradients; the rest is for the log.
+/// Without the actor only critic, q1, q2 and target_values are set.
 struct SacdLosses {
     torch::Tensor critic;         // [] J_Q of both critics, without the factor 1/2
     torch::Tensor actor = {};     // [] J_pi
@@ -68,10 +68,8 @@ SacdLosses sacd_losses(SacdNetwork& network, SacdNetwork& target_network, const 
 SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch, double target_entropy,
                        const SacdConfig& config, bool with_actor = true);
 
-/// Tags: losses/{qf_loss, qf1_values, qf2_values, target_values, actor_loss, alpha_loss, alpha, entropy},
-/// charts/{learning_rate, epsilon, critic_gradient_norm, actor_gradient_norm}.
-/// State: network/<parameter>, target/<parameter>, log_alpha, adam/..., alpha_adam/...,
-/// training_steps, random/....
+/// Tags: ActorCriticState's, charts/{learning_rate, epsilon}.
+/// State: ActorCriticState's, training_steps, random/....
 /// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
 /// Returns its network for such a world, on the CPU.

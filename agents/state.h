@@ -28,9 +28,9 @@ struct StateParts {
     void add(const std::string& prefix, const TensorMap& named);
 };
 
-/// Adds what is `named` to `state` as prefix + name; and gets it back.
+/// Adds what is `named` to `state` as prefix + name.
 void add_part(TensorMap& state, const std::string& prefix, const TensorMap& named);
-/// What add_part() added with this prefix, under its own names.
+/// Returns what add_part() added with this prefix, under its own names.
 TensorMap part_of(const TensorMap& state, const std::string& prefix);
 
 /// Copies on the CPU.

@@ -14,6 +14,7 @@
 #include "agents/random.h"
 #include "agents/sac.h"
 #include "agents/sacd.h"
+#include "cale/fields.h"
 
 namespace bench {
 namespace {
@@ -140,7 +141,7 @@ std::vector<NamedUpdate> updates() {
     std::vector<NamedUpdate> all;
     for (const auto encoder : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala,
                                EncoderKind::compact, EncoderKind::data_efficient}) {
-        all.push_back({"sac_" + std::string(names_of(encoder)[static_cast<std::size_t>(encoder)]),
+        all.push_back({"sac_" + std::string(name_of(encoder)),
                        [=](const Computation& how) { return sac(encoder, how); }});
     }
     all.push_back({"sacd_phi_dqn", [](const Computation& how) { return sacd(EncoderKind::phi_dqn, how); }});

@@ -52,11 +52,6 @@ std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
     return {actions.begin(), actions.end()};
 }
 
-template <class Enum>
-std::string name_of(Enum value) {
-    return std::string(names_of(value)[static_cast<std::size_t>(value)]);
-}
-
 /// An absolute paddle is placed by coordinates of its own, in games that have one.
 void check_paddle(const EnvConfig& config) {
     if (config.paddle == Paddle::joystick) {
@@ -73,7 +68,8 @@ void check_paddle(const EnvConfig& config) {
     const auto require = [](bool fits, const std::string& setting, const char* remedy) {
         if (!fits) throw std::invalid_argument("env.paddle=absolute does not go with " + setting + remedy);
     };
-    require(config.action_space == ActionSet::continuous, "env.action_space=" + name_of(config.action_space),
+    require(config.action_space == ActionSet::continuous,
+            "env.action_space=" + std::string(name_of(config.action_space)),
             ": set that to continuous, and choose an agent of continuous actions (sac, ppo)");
     require(config.joystick != Joystick::factored, "env.joystick=factored",
             ": its action is a position, not one of several; leave that out, and choose an agent of "
@@ -109,9 +105,10 @@ void check_games(const EnvConfig& config) {
 void check_joystick(const EnvConfig& config) {
     check_paddle(config);
     if (config.action_space == ActionSet::continuous || config.joystick == Joystick::polar) return;
-    throw std::invalid_argument(
-        "env.joystick=" + name_of(config.joystick) + " needs env.action_space=continuous, and that is " +
-        name_of(config.action_space) + ": set it to continuous, or leave env.joystick at polar");
+    throw std::invalid_argument("env.joystick=" + std::string(name_of(config.joystick)) +
+                                " needs env.action_space=continuous, and that is " +
+                                std::string(name_of(config.action_space)) +
+                                ": set it to continuous, or leave env.joystick at polar");
 }
 
 /// A joystick that moves turns numbered actions into positions, its events' at the rim.
@@ -119,7 +116,7 @@ void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
     if (reaches_every_event(config)) return;
     throw std::invalid_argument(
-        "env.action_space=" + name_of(config.action_space) + " and a joystick that moves (" +
+        "env.action_space=" + std::string(name_of(config.action_space)) + " and a joystick that moves (" +
         changed_settings(config.motion) +
         ") need env.threshold below 0.7071, where its diagonals are, and env.event_map=symmetric: change "
         "these, or set env.action_space to continuous");
@@ -376,9 +373,9 @@ struct Env::Impl {
         record = {};
         return advance([&] {
             if (const auto action = next_action()) {
-                held = *action;
-                const auto command = stick_of(held);
+                const auto command = stick_of(*action);
                 validate(command);
+                held = *action;
                 if (moving_stick) moving_stick->command(command, motion_generator);
             }
             if (!moving_stick)

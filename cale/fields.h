@@ -12,7 +12,10 @@
 // An enumeration E is readable when `names_of(E)` returns its values' names in order.
 #pragma once
 
+#include <cstddef>
 #include <limits>
+#include <string_view>
+#include <type_traits>
 
 namespace cale {
 
@@ -21,5 +24,11 @@ struct Range {
     double low = -std::numeric_limits<double>::infinity();  // smallest value that is allowed
     double high = std::numeric_limits<double>::infinity();  // largest
 };
+
+/// Returns the name of an enumeration's value.
+template <class Enum>
+requires std::is_enum_v<Enum> std::string_view name_of(Enum value) {
+    return names_of(value)[static_cast<std::size_t>(value)];
+}
 
 }  // namespace cale

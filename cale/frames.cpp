@@ -175,4 +175,9 @@ void FrameStack::clear(std::size_t env) {
     std::ranges::fill(stack_of(env), std::uint8_t{0});
 }
 
+void FrameStack::follow(std::size_t env, const StepResult& result, std::span<const std::uint8_t> frame) {
+    if (result.terminal || result.truncated) clear(env);
+    push(env, frame);
+}
+
 }  // namespace cale

@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "world/step_result.h"
+
 namespace cale {
 
 inline constexpr int kFrameHeight = 84;  // rows of what an agent sees
@@ -84,6 +86,9 @@ class FrameStack {
     void push(std::size_t env, std::span<const std::uint8_t> frame);
     /// Sets the environment's stack to zero. Must be called when an episode begins.
     void clear(std::size_t env);
+    /// Appends what the environment shows after a step: the first frame of a new episode if the step ended
+    /// one. Throws as push() does.
+    void follow(std::size_t env, const StepResult& result, std::span<const std::uint8_t> frame);
 
     /// num_envs x depth x frame_size bytes.
     std::span<const std::uint8_t> data() const { return data_; }

@@ -78,24 +78,24 @@ MovingStick::MovingStick(const StickMotion& motion, bool one_axis) : motion_(mot
 
 void MovingStick::centre(std::mt19937& random) {
     wire_.start(draw(motion_.action_latency, random), {});
-    told_ = position_ = {};
+    command_ = position_ = {};
     speed_x_ = speed_y_ = 0;
 }
 
 void MovingStick::command(const ContinuousAction& action, std::mt19937& random) {
-    told_ = position_of(action);
-    if (one_axis_) told_.y = 0;
+    command_ = position_of(action);
+    if (one_axis_) command_.y = 0;
     if (motion_.actuation_noise == 0) return;
-    told_.x += motion_.actuation_noise * normal(random);
-    if (!one_axis_) told_.y += motion_.actuation_noise * normal(random);
-    const double radius = std::hypot(told_.x, told_.y);
+    command_.x += motion_.actuation_noise * normal(random);
+    if (!one_axis_) command_.y += motion_.actuation_noise * normal(random);
+    const double radius = std::hypot(command_.x, command_.y);
     if (radius <= 1) return;
-    told_.x /= radius;
-    told_.y /= radius;
+    command_.x /= radius;
+    command_.y /= radius;
 }
 
 void MovingStick::advance() {
-    StickPosition target = told_;
+    StickPosition target = command_;
     wire_.pass(target);
     if (motion_.stick_damping) {
         move_with_mass(target);

@@ -118,7 +118,7 @@ class MovingStick {
     bool one_axis_;
     Transition transition_;
     DelayLine<StickPosition> wire_;
-    StickPosition told_, position_;
+    StickPosition command_, position_;
     double speed_x_ = 0, speed_y_ = 0;  // radii per frame
 };
 

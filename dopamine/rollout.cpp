@@ -11,9 +11,16 @@ namespace {
 
 ReplayConfig one_step(const RolloutConfig& config) {
     return {.num_envs = config.num_envs,
-            .stack = config.stack,
+            .observation = config.observation,
             .update_horizon = 1,
             .replay_terminal = ReplayTerminal::dopamine};
+}
+
+/// Of so many frames, without a stack.
+std::vector<std::int64_t> frames_shape(const RolloutConfig& config, std::int64_t count) {
+    std::vector<std::int64_t> shape{count};
+    shape.insert(shape.end(), config.observation.shape.begin(), config.observation.shape.end());
+    return shape;
 }
 
 }  // namespace
@@ -79,7 +86,7 @@ void DopamineRollout::lay_out_elements() {
 
 std::map<std::string, torch::Tensor> DopamineRollout::state() const {
     const auto count = static_cast<std::int64_t>(elements_.size());
-    auto element_frames = torch::empty({count, 2, config.stack}, torch::kInt64);
+    auto element_frames = torch::empty({count, 2, config.observation.stack}, torch::kInt64);
     auto element_values = torch::empty({count, 2});
     for (std::int64_t i = 0; i < count; ++i) {
         const auto& element = elements_[static_cast<std::size_t>(i)];
@@ -96,7 +103,7 @@ std::map<std::string, torch::Tensor> DopamineRollout::state() const {
     const auto in_one = [](const std::vector<torch::Tensor>& parts, const torch::Tensor& none) {
         return parts.empty() ? none : torch::stack(parts);
     };
-    return {{"frames", in_one(frames_, torch::empty(config.shape({0}), torch::kUInt8))},
+    return {{"frames", in_one(frames_, torch::empty(frames_shape(config, 0), torch::kUInt8))},
             {"frame_actions", in_one(frame_actions_, action[0].slice(0, 0, 0))},
             {"element_frames", element_frames},
             {"element_values", element_values},
@@ -106,11 +113,11 @@ std::map<std::string, torch::Tensor> DopamineRollout::state() const {
 }
 
 void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state) {
-    const auto frames = part(state, "frames", at::kByte, config.shape({-1}));
+    const auto frames = part(state, "frames", at::kByte, frames_shape(config, -1));
     auto action_shape = action[0][0].sizes().vec();
     action_shape.insert(action_shape.begin(), frames.size(0));
     const auto actions = part(state, "frame_actions", action.scalar_type(), action_shape);
-    const auto element_frames = part(state, "element_frames", at::kLong, {-1, 2, config.stack});
+    const auto element_frames = part(state, "element_frames", at::kLong, {-1, 2, config.observation.stack});
     const auto count = element_frames.size(0);
     const auto element_values = part(state, "element_values", at::kFloat, {count, 2});
     const auto surplus = part(state, "surplus", at::kLong, {}).item<std::int64_t>();
@@ -120,7 +127,7 @@ void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state)
         return ((ids >= kBlankFrame) & (ids < frames.size(0))).all().item<bool>();
     };
     // The newest frame of an element's observation is the one that its action was chosen on.
-    const auto acted_on = element_frames.select(1, 0).select(1, config.stack - 1);
+    const auto acted_on = element_frames.select(1, 0).select(1, config.observation.stack - 1);
     if (count > config.length || surplus < 0 || surplus >= config.length || !known(element_frames) ||
         (acted_on == kBlankFrame).any().item<bool>() || !known(window_frames) ||
         window_frames.size(0) > accumulator_.max_steps())

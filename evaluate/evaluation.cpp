@@ -52,6 +52,13 @@ std::filesystem::path step_log_file(const EvaluationPlan& plan, std::int64_t num
     return plan.step_logs / fmt::format("game_{:04}.csv", number);
 }
 
+void count_step(EvaluatedGame& game, const StepResult& step) {
+    ++game.rewards[step.reward];
+    game.episode_return += step.reward;
+    game.length += 1;
+    game.frames += step.frames;
+}
+
 /// One game, from its beginning to its end.
 class GameInPlay {
   public:
@@ -85,8 +92,8 @@ class GameInPlay {
 
     /// Carries out what was chosen for it, row `i`.
     void step(const Chosen& chosen, std::int64_t i, FrameStack& stack, std::size_t row) {
-        ToldStep told;
-        auto& joystick = told.stick;
+        StepCommand command;
+        auto& joystick = command.stick;
         StepResult step;
         const bool at_random = epsilon_ > 0 && std::uniform_real_distribution<double>()(noise_) < epsilon_;
         if (env_.actions().empty()) {
@@ -95,19 +102,15 @@ class GameInPlay {
             step = env_.step(*joystick, frame_);
         } else {
             std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env_.actions()) - 1);
-            told.number = at_random ? any(noise_) : chosen.actions.const_data_ptr<std::int64_t>()[i];
-            step = env_.step(told.number, frame_);
+            command.number = at_random ? any(noise_) : chosen.actions.const_data_ptr<std::int64_t>()[i];
+            step = env_.step(command.number, frame_);
         }
-        if (step.terminal || step.truncated) stack.clear(row);
-        stack.push(row, frame_);
+        stack.follow(row, step, frame_);
         count_events(result_.events, step);
-        ++result_.rewards[step.reward];
-        result_.episode_return += step.reward;
-        result_.length += 1;
-        result_.frames += step.frames;
+        count_step(result_, step);
         over_ = step.episode_over;
         if (log_) {
-            log_->add(told, step, env_.stick());
+            log_->add(command, step, env_.stick());
             if (over_) log_->write();
         }
         if (!film_) return;
@@ -201,8 +204,7 @@ void add_up(Evaluation& evaluation) {
 }  // namespace
 
 torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const ObservationSpace& space) {
-    std::vector<std::int64_t> shape{static_cast<std::int64_t>(num_envs), space.stack};
-    shape.insert(shape.end(), space.shape.begin(), space.shape.end());
+    const auto shape = space.tensor_shape({static_cast<std::int64_t>(num_envs)});
     // LibTorch has no constant tensors; this one is never written through.
     return torch::from_blob(const_cast<std::uint8_t*>(stack.data().data()), shape, torch::kUInt8);
 }
@@ -316,12 +318,8 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int6
             const auto actions =
                 decide(stack_tensor(stack, 1, space), {&number, 1}).actions.cpu().contiguous();
             world->step(view_of_actions(actions), frame, last_frame, {&step, 1});
-            if (step.terminal || step.truncated) stack.clear(0);
-            stack.push(0, frame);
-            ++game.rewards[step.reward];
-            game.episode_return += step.reward;
-            game.length += 1;
-            game.frames += step.frames;
+            stack.follow(0, step, frame);
+            count_step(game, step);
         }
         evaluation.games.push_back(std::move(game));
     }

@@ -30,7 +30,7 @@ struct Chosen {
 /// and contiguous.
 ContinuousAction chosen_stick(Joystick joystick, const torch::Tensor& actions, std::int64_t i);
 
-/// Chooses for N games under way. `observations`: [N, depth, 84, 84] uint8, valid during the call;
+/// Chooses for N games under way. `observations`: [N, stack, ...] uint8, valid during the call;
 /// `games`: the numbers of the games that its rows belong to.
 using Decide = std::function<Chosen(const torch::Tensor& observations, std::span<const std::int64_t> games)>;
 

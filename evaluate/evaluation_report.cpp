@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/fields.h"
 #include "cale/games.h"
 #include "cale/random_play.h"
 #include "cale/text.h"
@@ -79,11 +80,9 @@ std::string evaluation_text(const EvaluationReport& report) {
     line("protocol", fmt::format("{}, seed {}, {}, epsilon {}, {} no-ops at the start", protocol, plan.seed,
                                  sampled ? "sampled" : "greedy", plan.epsilon,
                                  plan.env.noop_max == 0 ? "no" : fmt::format("0 to {}", plan.env.noop_max)));
-    const auto joystick =
-        coordinates(plan.env) == Joystick::polar
-            ? ""
-            : fmt::format(", {} joystick",
-                          names_of(Joystick{})[static_cast<std::size_t>(coordinates(plan.env))]);
+    const auto joystick = coordinates(plan.env) == Joystick::polar
+                              ? ""
+                              : fmt::format(", {} joystick", name_of(coordinates(plan.env)));
     line("environment",
          fmt::format("sticky {}, threshold {}{}", plan.env.sticky_probability, plan.env.threshold, joystick));
     if (const auto stick = changed_settings(plan.env.motion); !stick.empty()) line("stick", stick);
@@ -102,7 +101,8 @@ std::string evaluation_text(const EvaluationReport& report) {
     line("  minimum, maximum", fmt::format("{}, {}", summary.minimum, summary.maximum));
     line("  human-normalised",
          summary.human_normalised
-             ? fmt::format("{:.4f} (0 is the published random score)", *summary.human_normalised)
+             ? fmt::format("{:.4f} (0 is the published random score{})", *summary.human_normalised,
+                           cuts_games_short(plan.env) ? "; of whole games, and these were cut off" : "")
          : is_variant(plan.env) ? "there is no human score of this mode and difficulty"
                                 : "there is no human score of this game");
     line("random play", random_play(plan.env));

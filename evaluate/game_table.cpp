@@ -14,6 +14,7 @@
 #include "cale/emulator.h"
 #include "cale/env.h"
 #include "cale/random_play.h"
+#include "report/csv.h"
 
 namespace cale {
 namespace {
@@ -95,11 +96,11 @@ std::string game_csv(const std::string& rom_dir, bool atari100k) {
     for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
         const auto actions = rom ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
-        text += fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", game.name, game.rom,
-                            game.in_atari100k ? 1 : 0, score(game.random_score, ""),
-                            score(game.human_score, ""), score(joystick_score(game, true), ""),
-                            score(joystick_score(game, false), ""), game.minimal_action_count,
-                            has_paddle(game) ? 1 : 0, fmt::join(actions, " "), rom ? rom->string() : "");
+        text += fmt::format("{},{},{},{},{},{},{},{},{},{},", game.name, game.rom, game.in_atari100k ? 1 : 0,
+                            score(game.random_score, ""), score(game.human_score, ""),
+                            score(joystick_score(game, true), ""), score(joystick_score(game, false), ""),
+                            game.minimal_action_count, has_paddle(game) ? 1 : 0, fmt::join(actions, " ")) +
+                csv_line({rom ? rom->string() : ""});
     }
     return text;
 }

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
+#include "cale/fields.h"
 #include "cale/seeds.h"
 
 namespace cale {
@@ -38,19 +39,17 @@ torch::Tensor in_equal_batches(const torch::Tensor& observations, const Forward&
 }  // namespace
 
 void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
-    const auto space = names_of(env.action_space)[static_cast<std::size_t>(env.action_space)];
     const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != (policy.action_space == "continuous")) {
         throw std::invalid_argument(
             fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",
-                        policy.action_space, space));
+                        policy.action_space, name_of(env.action_space)));
     }
     if (const auto joystick = coordinates(env); continuous && joystick != policy.joystick) {
         const bool paddle = joystick == Joystick::paddle || policy.joystick == Joystick::paddle;
         throw std::invalid_argument(fmt::format(
             "this policy was trained with env.joystick={} and cannot act in one of {}: leave {} out",
-            names_of(joystick)[static_cast<std::size_t>(policy.joystick)],
-            names_of(joystick)[static_cast<std::size_t>(joystick)], paddle ? "env.paddle" : "env.joystick"));
+            name_of(policy.joystick), name_of(joystick), paddle ? "env.paddle" : "env.joystick"));
     }
     if (env.frame_stack != policy.stack) {
         throw std::invalid_argument(fmt::format(
@@ -67,7 +66,7 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     throw std::invalid_argument(
         fmt::format("this policy chooses among {} joystick events of {}, and {} with env.action_space={} has "
                     "others: only a policy of the continuous joystick or of the full set plays other games",
-                    policy.actions.size(), policy.game, env.game, space));
+                    policy.actions.size(), policy.game, env.game, name_of(env.action_space)));
 }
 
 std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env) {

@@ -8,14 +8,14 @@
 
 namespace cale {
 
-void StepLog::add(const ToldStep& told, const StepResult& result,
+void StepLog::add(const StepCommand& command, const StepResult& result,
                   const std::optional<StickPosition>& position) {
     const auto into = std::back_inserter(rows_);
     fmt::format_to(into, "{},", ++steps_);
-    if (told.stick) {
-        fmt::format_to(into, ",{},{},{},", told.stick->radius, told.stick->theta, told.stick->fire);
+    if (command.stick) {
+        fmt::format_to(into, ",{},{},{},", command.stick->radius, command.stick->theta, command.stick->fire);
     } else {
-        fmt::format_to(into, "{},,,,", told.number);
+        fmt::format_to(into, "{},,,,", command.number);
     }
     if (position) {
         fmt::format_to(into, "{:.4f},{:.4f},{:.4f},", position->x, position->y, position->button);

@@ -1,5 +1,5 @@
-// A game's agent steps as a table: what was told, what the console saw, what came of it. The input of offline
-// data sets.
+// A game's agent steps as a table: what was commanded, what the console saw, what came of it. The input of
+// offline data sets.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@
 
 namespace cale {
 
-/// What an agent step was told: the joystick, or the number of an event.
-struct ToldStep {
+/// What an agent step commands: the joystick, or the number of an event.
+struct StepCommand {
     std::optional<ContinuousAction> stick{};
     std::int64_t number = -1;
 };
@@ -32,7 +32,8 @@ class StepLog {
     explicit StepLog(std::filesystem::path file) : file_(std::move(file)) {}
 
     /// `position`: of a stick that moves.
-    void add(const ToldStep& told, const StepResult& result, const std::optional<StickPosition>& position);
+    void add(const StepCommand& command, const StepResult& result,
+             const std::optional<StickPosition>& position);
     /// Throws std::runtime_error, naming the file, where it cannot be written.
     void write() const;
 

@@ -68,7 +68,7 @@ torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, d
 /// it is no finite number.
 std::optional<double> gradient_norm(const std::vector<torch::Tensor>& parameters);
 
-/// target = online, in place.
+/// target = online, in place. Throws as soft_update() does.
 void hard_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online);
 
 }  // namespace cale

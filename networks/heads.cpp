@@ -51,14 +51,9 @@ TwinValues TwinCriticImpl::forward(const torch::Tensor& x) {
 }
 
 ActionBox joystick_box() {
-    ActionBox box{torch::empty({kStickSize}), torch::empty({kStickSize})};
-    for (std::size_t i = 0; i < kStick.size(); ++i) {
-        const auto axis = static_cast<std::int64_t>(i);
-        box.centre[axis] = kStick[i].centre;
-        box.half_width[axis] = kStick[i].half_width;
-        box.log_half_widths += std::log(kStick[i].half_width);
-    }
-    return box;
+    constexpr double pi = std::numbers::pi;  // in double precision: its logarithm is part of every density
+    return {torch::tensor({0.5F, 0.0F, 0.5F}), torch::tensor({0.5F, static_cast<float>(pi), 0.5F}),
+            std::log(0.5) + std::log(pi) + std::log(0.5)};
 }
 
 ActionBox action_box(const ActionSpace& space) {

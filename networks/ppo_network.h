@@ -73,9 +73,9 @@ struct PpoNetworkConfig {
     bool layer_norm = false;          // before the activations of the actor and of the critic
 };
 
-/// A policy in some states: a Gaussian on the joystick's box, or log-probabilities [B, A].
+/// A policy in B states: a Gaussian on a box of actions, or log-probabilities [B, A].
 struct PpoPolicy {
-    std::optional<SquashedGaussian> gaussian;  // of the continuous joystick
+    std::optional<SquashedGaussian> gaussian;  // of actions in a box
     torch::Tensor log_pi;                      // [B, A] of a set of actions
 };
 
@@ -91,7 +91,7 @@ class PpoNetworkImpl : public torch::nn::Module {
         PpoPolicy policy;     // what to do
         torch::Tensor value;  // [B]
     };
-    /// [B, stack, H, W] uint8
+    /// [B, stack, ...] uint8
     Output forward(const torch::Tensor& observation);
 
     ActionBox box;       // beside the parameters, as buffers
@@ -105,7 +105,7 @@ class PpoNetworkImpl : public torch::nn::Module {
 };
 using PpoNetwork = torch::nn::ModuleHolder<PpoNetworkImpl>;
 
-/// [B] log-probabilities (densities in the box's units) of actions [B, 3] or [B] int64.
+/// [B] log-probabilities (densities in the box's units) of actions [B, A] or [B] int64.
 torch::Tensor log_prob(const PpoPolicy& policy, const torch::Tensor& action, const ActionBox& box);
 /// [B]; of a Gaussian: before it is squashed.
 torch::Tensor entropy(const PpoPolicy& policy);

@@ -89,12 +89,12 @@ class ConvEncoderImpl : public torch::nn::Module {
 };
 using ConvEncoder = torch::nn::ModuleHolder<ConvEncoderImpl>;
 
-/// encoder.conv1, ..., head.fc1, ...: [B, stack, H, W] uint8 -> [B, A, atoms].
+/// encoder.conv1, ..., head.fc1, ...: [B, stack, ...] uint8 -> [B, A, atoms].
 class QNetworkImpl : public torch::nn::Module {
   public:
     QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
                  at::Generator generator);
-    /// [B, stack, H, W] uint8 -> [B, A, atoms]; without noise, noisy layers are their means.
+    /// [B, stack, ...] uint8 -> [B, A, atoms]; without noise, noisy layers are their means.
     torch::Tensor forward(const torch::Tensor& observation, const QNoise* noise = nullptr);
 
     ConvEncoder encoder{nullptr};  // parameters encoder.*

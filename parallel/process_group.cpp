@@ -52,16 +52,16 @@ std::string reason(const std::exception& error) {
     return text.substr(0, text.find('\n'));
 }
 
-/// Where the processes find each other. torchrun serves this place itself, anew after each restart.
-c10::intrusive_ptr<c10d::Store> meeting_place(const ProcessRank& place) {
+/// Where the processes find each other. torchrun serves this store itself, a new one after each restart.
+c10::intrusive_ptr<c10d::Store> rendezvous_store(const ProcessRank& process) {
     const bool served = variable("TORCHELASTIC_USE_AGENT_STORE") == "True";
     c10d::TCPStoreOptions options;
-    options.port = place.master_port;
-    options.isServer = place.rank == 0 && !served;
+    options.port = process.master_port;
+    options.isServer = process.rank == 0 && !served;
     options.waitWorkers = !served;
-    if (!served) options.numWorkers = static_cast<std::size_t>(place.size);
+    if (!served) options.numWorkers = static_cast<std::size_t>(process.size);
     options.timeout = kStartTimeout;
-    auto store = c10::make_intrusive<c10d::TCPStore>(place.master_address, options);
+    auto store = c10::make_intrusive<c10d::TCPStore>(process.master_address, options);
     const auto restart = variable("TORCHELASTIC_RESTART_COUNT").value_or("0");
     return c10::make_intrusive<c10d::PrefixStore>("cale/" + restart, store);
 }
@@ -95,39 +95,41 @@ ProcessGroup::TensorMap unpacked(const Bytes& bytes) {
 std::optional<ProcessRank> rank_from_environment() {
     const auto world = variable("WORLD_SIZE");
     if (!world) return std::nullopt;
-    ProcessRank place;
-    place.size = number("WORLD_SIZE", *world, 1, 4096);
-    if (place.size == 1) return std::nullopt;
-    place.rank = number("RANK", required("RANK", place.size), 0, place.size - 1);
-    place.master_address = required("MASTER_ADDR", place.size);
-    place.master_port =
-        static_cast<std::uint16_t>(number("MASTER_PORT", required("MASTER_PORT", place.size), 1, 65'535));
-    place.local_size = number("LOCAL_WORLD_SIZE", variable("LOCAL_WORLD_SIZE").value_or("1"), 1, place.size);
-    place.local_rank = number("LOCAL_RANK", variable("LOCAL_RANK").value_or("0"), 0, place.size - 1);
-    return place;
+    ProcessRank process;
+    process.size = number("WORLD_SIZE", *world, 1, 4096);
+    if (process.size == 1) return std::nullopt;
+    process.rank = number("RANK", required("RANK", process.size), 0, process.size - 1);
+    process.master_address = required("MASTER_ADDR", process.size);
+    process.master_port =
+        static_cast<std::uint16_t>(number("MASTER_PORT", required("MASTER_PORT", process.size), 1, 65'535));
+    process.local_size =
+        number("LOCAL_WORLD_SIZE", variable("LOCAL_WORLD_SIZE").value_or("1"), 1, process.size);
+    process.local_rank = number("LOCAL_RANK", variable("LOCAL_RANK").value_or("0"), 0, process.size - 1);
+    return process;
 }
 
 struct ProcessGroup::Impl {
     Impl(const ProcessRank& rank, c10::Device own_device, std::chrono::milliseconds timeout)
-        : place(rank), device(own_device) {
+        : process(rank), device(own_device) {
         try {
-            const auto store = meeting_place(place);
+            const auto store = rendezvous_store(process);
             host = c10::make_intrusive<c10d::ProcessGroupGloo>(
-                c10::make_intrusive<c10d::PrefixStore>("gloo", store), place.rank, place.size,
+                c10::make_intrusive<c10d::PrefixStore>("gloo", store), process.rank, process.size,
                 c10d::ProcessGroupGloo::Options::create_default(timeout));
-            if (!device.is_cpu()) on_device = device_backend(store, place.rank, place.size, device, timeout);
+            if (!device.is_cpu())
+                on_device = device_backend(store, process.rank, process.size, device, timeout);
         } catch (const std::invalid_argument&) {
             throw;
         } catch (const std::exception& error) {
-            fail("the processes did not find each other at " + place.master_address + ":" +
-                     std::to_string(place.master_port),
+            fail("the processes did not find each other at " + process.master_address + ":" +
+                     std::to_string(process.master_port),
                  error);
         }
     }
 
     [[noreturn]] void fail(const std::string& what, const std::exception& error) const {
-        throw std::runtime_error("process " + std::to_string(place.rank) + " of " +
-                                 std::to_string(place.size) + ": " + what + ": " + reason(error));
+        throw std::runtime_error("process " + std::to_string(process.rank) + " of " +
+                                 std::to_string(process.size) + ": " + what + ": " + reason(error));
     }
 
     /// Starts something that all processes do, and waits for it.
@@ -150,8 +152,8 @@ struct ProcessGroup::Impl {
 
     /// Everybody's number, by rank.
     torch::Tensor numbers(std::int64_t own) const {
-        auto all = torch::zeros({place.size}, torch::kInt64);
-        all[place.rank] = own;
+        auto all = torch::zeros({process.size}, torch::kInt64);
+        all[process.rank] = own;
         sum(all);
         return all;
     }
@@ -162,32 +164,32 @@ struct ProcessGroup::Impl {
         message.slice(0, 0, static_cast<std::int64_t>(own.size())).copy_(tensor_of(own));
         std::vector<torch::Tensor> inputs{message};
         std::vector<std::vector<torch::Tensor>> outputs;
-        if (place.rank == 0) {
+        if (process.rank == 0) {
             outputs.emplace_back();
-            for (int i = 0; i < place.size; ++i) outputs.front().push_back(torch::empty_like(message));
+            for (int i = 0; i < process.size; ++i) outputs.front().push_back(torch::empty_like(message));
         }
         together([&] { return host->gather(outputs, inputs); });
         std::vector<Bytes> gathered;
-        if (place.rank != 0) return gathered;
-        for (int i = 0; i < place.size; ++i)
+        if (process.rank != 0) return gathered;
+        for (int i = 0; i < process.size; ++i)
             gathered.push_back(
                 bytes_of(outputs.front()[static_cast<std::size_t>(i)], sizes[i].item<std::int64_t>()));
         return gathered;
     }
 
-    ProcessRank place;
+    ProcessRank process;
     c10::Device device;
     c10::intrusive_ptr<c10d::Backend> host, on_device;
 };
 
-ProcessGroup::ProcessGroup(const ProcessRank& place, c10::Device device, std::chrono::milliseconds timeout)
-    : impl_(std::make_shared<const Impl>(place, device, timeout)) {}
+ProcessGroup::ProcessGroup(const ProcessRank& process, c10::Device device, std::chrono::milliseconds timeout)
+    : impl_(std::make_shared<const Impl>(process, device, timeout)) {}
 
 int ProcessGroup::rank() const {
-    return impl_ ? impl_->place.rank : 0;
+    return impl_ ? impl_->process.rank : 0;
 }
 int ProcessGroup::size() const {
-    return impl_ ? impl_->place.size : 1;
+    return impl_ ? impl_->process.size : 1;
 }
 
 void ProcessGroup::sum(const std::vector<torch::Tensor>& tensors) const {

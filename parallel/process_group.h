@@ -40,7 +40,7 @@ class ProcessGroup {
     ProcessGroup() = default;
     /// Meets the others. Tensors on the CPU travel by Gloo; those on `device`, if it is a CUDA device, by
     /// NCCL. `timeout`: how long a call waits for the others, which may be evaluating meanwhile.
-    ProcessGroup(const ProcessRank& place, c10::Device device,
+    ProcessGroup(const ProcessRank& process, c10::Device device,
                  std::chrono::milliseconds timeout = std::chrono::minutes(30));
 
     int rank() const;                            // this one's number, from 0

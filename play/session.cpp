@@ -124,8 +124,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
             scene.action = joystick(show.hands());
         }
         if (scene.action) result = env.step(*scene.action, frame);
-        if (result.terminal || result.truncated) stack.clear(0);
-        stack.push(0, frame);
+        stack.follow(0, result, frame);
         count(game, scene, result);
         scene.stick = env.stick();
         const Command command = show.present(env, scene);
@@ -202,8 +201,7 @@ RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {
     for (std::int64_t number = 0; number < plan.games;) {
         const auto result =
             step_in_real_time(plan, game, stack, number, show.hands(), frame, last_frame, scene);
-        if (result.terminal || result.truncated || result.episode_over) stack.clear(0);
-        stack.push(0, frame);
+        stack.follow(0, result, frame);
         counts.frames += result.frames;
         count(so_far, scene, result);
         // So that a film is as long as the games.
@@ -232,8 +230,11 @@ RealTimeCounts play(const PlayPlan& plan, const Stage& stage) {
         return counts;
     }
     Env env(plan.env, derive_seed(plan.seed, "play", 0));
-    for (std::int64_t number = 0; number < plan.games; ++number) {
-        if (play_game(plan, env, number, show) == Command::quit) break;
+    std::int64_t ended = 0;  // those that the player did not restart
+    for (std::int64_t number = 0; ended < plan.games; ++number) {
+        const auto command = play_game(plan, env, number, show);
+        if (command == Command::quit) break;
+        if (command == Command::none) ++ended;
     }
     show.finish();
     return {};

@@ -57,7 +57,7 @@ struct Window::Impl {
         SDL_RenderSetLogicalSize(renderer.get(), width, height);
     }
 
-    void take_in(const SDL_Event& event, Hands& hands, Command& command) {
+    void handle(const SDL_Event& event, Hands& hands, Command& command) {
         switch (event.type) {
             case SDL_QUIT:
                 command = Command::quit;
@@ -123,7 +123,7 @@ void Window::show(const Image& picture, const std::string& title) {
 
 Command Window::poll(Hands& hands) {
     Command command = Command::none;
-    for (SDL_Event event; SDL_PollEvent(&event) != 0;) impl_->take_in(event, hands, command);
+    for (SDL_Event event; SDL_PollEvent(&event) != 0;) impl_->handle(event, hands, command);
     return command;
 }
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "cale/fields.h"
 #include "policy/observer.h"
 #include "policy/policy_lite.h"
 
@@ -145,8 +146,7 @@ const char* cale_policy_text(const cale_policy* policy, const char* name) {
         if (wanted == "agent") return info.agent.c_str();
         if (wanted == "encoder") return info.encoder.c_str();
         if (wanted == "action_space") return info.action_space.c_str();
-        if (wanted == "joystick")
-            return cale::names_of(info.joystick)[static_cast<std::size_t>(info.joystick)].data();
+        if (wanted == "joystick") return cale::name_of(info.joystick).data();
         const auto found = info.provenance.find(name);
         return found == info.provenance.end() ? nullptr : found->second.c_str();
     });

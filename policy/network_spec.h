@@ -110,14 +110,6 @@ bool is_noisy(const NetworkSpec& network);
 /// Returns the outputs of a head of values, of num_atoms each: one for each action or choice.
 std::int64_t num_outputs(const Head& head);
 
-/// One coordinate of the continuous joystick: an action is centre + half_width * tanh(u).
-struct StickAxis {
-    double centre, half_width;
-};
-/// The joystick's box [0, 1] x [-pi, pi] x [0, 1] of r, theta and fire.
-inline constexpr std::array<StickAxis, 3> kStick{{{0.5, 0.5}, {0, std::numbers::pi}, {0.5, 0.5}}};
-inline constexpr std::int64_t kStickSize = kStick.size();
-
 // What a reader builds from a specification ---------------------------------------------
 
 /// Channels, rows and columns of an image; of a vector only channels.

@@ -6,6 +6,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "cale/fields.h"
 #include "cale/text.h"
 #include "policy/json.h"
 
@@ -52,8 +53,7 @@ std::string layer_text(const Layer& layer) {
     if (layer.outputs > 0) text += ' ' + number(layer.outputs);
     if (layer.kernel > 0) text += ' ' + number(layer.kernel) + ' ' + number(layer.stride);
     if (layer.kind == Kind::conv) {
-        const auto padding = names_of(Padding{})[static_cast<std::size_t>(layer.padding)];
-        text.append(" ").append(layer.rows ? "rows" : padding);
+        text.append(" ").append(layer.rows ? "rows" : name_of(layer.padding));
     }
     if (layer.noisy) text += " noisy";
     return text;

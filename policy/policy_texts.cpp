@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "cale/fields.h"
 #include "cale/text.h"
 #include "policy/json.h"
 #include "policy/network_text.h"
@@ -103,11 +104,9 @@ struct Writer {
     void operator()(const char* key, double value) const { texts[key] = number_text(value); }
     void operator()(const char* key, std::int64_t value) const { texts[key] = std::to_string(value); }
     void operator()(const char* key, Joystick value) const {
-        if (value != Joystick::polar) texts[key] = names_of(value)[static_cast<std::size_t>(value)];
+        if (value != Joystick::polar) texts[key] = name_of(value);
     }
-    void operator()(const char* key, EventMap value) const {
-        texts[key] = names_of(value)[static_cast<std::size_t>(value)];
-    }
+    void operator()(const char* key, EventMap value) const { texts[key] = name_of(value); }
 };
 
 /// Takes each text out of the map, so that what is left is provenance.
@@ -139,6 +138,17 @@ struct Reader {
         value = static_cast<EventMap>(found - names.begin());
     }
 };
+
+/// Names of files are made of it.
+void check_agent_name(const std::string& name) {
+    const auto is_plain = [](char c) {
+        return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
+               c == '-';
+    };
+    constexpr std::size_t kLongest = 64;
+    if (name.size() > kLongest || !std::ranges::all_of(name, is_plain))
+        refuse("agent", name, "at most 64 letters, digits, '_' and '-'");
+}
 
 /// That the head, the action space and the list of actions go together.
 void check_actions(const PolicyInfo& info, const Head& head) {
@@ -178,6 +188,7 @@ void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& networ
     // What of version 1 became the network is taken first: it takes `encoder` for one of three.
     if (version == 1) network = take_network_of_version_1(texts);
     describe(info, Reader{texts});
+    check_agent_name(info.agent);
     if (version == 1) {
         if (!network.head.continuous()) network.head.num_actions = info.num_actions();
         check_network(network);

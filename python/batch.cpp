@@ -118,7 +118,8 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
       newest_(static_cast<std::size_t>(config.num_envs)),
       states_(static_cast<std::size_t>(config.num_envs)) {
     const Env first(config_of(config, 0), /*seed=*/0);
-    if (!first.actions().empty()) actions_ = Discrete{std::ssize(first.actions())};
+    events_.assign(first.actions().begin(), first.actions().end());
+    if (!events_.empty()) actions_ = Discrete{std::ssize(events_)};
     if (autoreset == Autoreset::same_step) final_stacks_.resize(stacks_.data().size());
 }
 

@@ -76,6 +76,7 @@ class Batch {
     const EnvConfig& config() const { return config_; }                  // as given
     const ActionSpace& action_space() const { return actions_; }         // of one environment
     const ObservationSpace& observation_space() const { return seen_; }  // likewise
+    const std::vector<Event>& events() const { return events_; }         // of discrete actions, by number
     /// Whether StepArrays::stick can be asked for: the joystick moves.
     bool has_stick() const;
     /// Whether StepArrays::paddle can be asked for: actions place it.
@@ -144,6 +145,7 @@ class Batch {
     EnvConfig config_;
     Autoreset autoreset_;
     ActionSpace actions_;
+    std::vector<Event> events_;
     ObservationSpace seen_;
     std::size_t frame_size_;  // bytes
     std::size_t stack_size_;  // bytes of an observation

@@ -18,9 +18,7 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     };
     const auto seen = observation_space(env);
     PolicyInfo same = policy;
-    std::vector<std::int64_t> shape{seen.stack};
-    shape.insert(shape.end(), seen.shape.begin(), seen.shape.end());
-    set_observation(same, shape);
+    set_observation(same, seen.tensor_shape());
     if (same.stack != policy.stack || same.frame_height != policy.frame_height ||
         same.frame_width != policy.frame_width)
         refuse("it sees other observations; leave obs and frame_stack as the policy's settings have them");
@@ -59,8 +57,7 @@ PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int6
             std::uniform_int_distribution<std::int64_t> any(0, std::ssize(env.actions()) - 1);
             step = env.step(at_random ? any(noise) : decision.action, frame);
         }
-        if (step.terminal || step.truncated) stack.clear(0);
-        stack.push(0, frame);
+        stack.follow(0, step, frame);
         game.episode_return += step.reward;
         game.length += 1;
         game.frames += step.frames;

@@ -1,5 +1,6 @@
 // The module cale._core: what cale's Python classes are made of. The GIL is released while environments step,
 // games are played and policies act.
+#include <pthread.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -26,6 +27,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "cale/fields.h"
 #include "cale/games.h"
 #include "cale/setting.h"
 #include "policy/policy_lite.h"
@@ -237,8 +239,9 @@ class Envs {
     }
 
     void send(const Actions& actions, nb::object arrays) {
+        const auto& wanted = nb::cast<const Arrays&>(arrays);
         run_idle([&](Batch& batch) {
-            batch.begin_step(actions, nb::cast<const Arrays&>(arrays).of(batch));
+            batch.begin_step(actions, wanted.of(batch));
             sent_ = true;
         });
         sent_arrays_ = std::move(arrays);
@@ -277,10 +280,7 @@ nb::tuple action_space(Envs& envs) {
 }
 
 std::vector<std::int64_t> observation_shape(Envs& envs) {
-    const auto space = envs.run([](Batch& batch) { return batch.observation_space(); });
-    std::vector<std::int64_t> shape{space.stack};
-    shape.insert(shape.end(), space.shape.begin(), space.shape.end());
-    return shape;
+    return envs.run([](Batch& batch) { return batch.observation_space().tensor_shape(); });
 }
 
 Bytes stacks(nb::handle_t<Envs> self) {
@@ -443,16 +443,13 @@ void bind_environments(nb::module_& m) {
             "index"_a, "Frames emulated since the ROM was loaded.")
         .def(
             "events",
-            [](Envs& envs, std::int64_t index) {
-                const auto events = envs.run_idle([&](Batch& batch) {
-                    const auto actions = batch.env(index).actions();
-                    return std::vector<Event>(actions.begin(), actions.end());
-                });
+            [](Envs& envs) {
                 std::vector<std::string> names;
-                for (const auto event : events) names.emplace_back(event_name(event));
+                for (const auto event : envs.run_idle([](Batch& batch) { return batch.events(); }))
+                    names.emplace_back(event_name(event));
                 return names;
             },
-            "index"_a, "The joystick events of discrete actions.")
+            "The joystick events of discrete actions.")
         .def("close", &Envs::close, "Waits for a step that is under way, and ends the environments.");
 }
 
@@ -461,14 +458,37 @@ void bind_environments(nb::module_& m) {
 constexpr std::size_t kRows = 8;  // observations that share a pass over the weights
 
 /// A policy and what it draws from. Threads may share it: they take turns.
-struct PolicyInUse {
+class PolicyInUse {
+  public:
     explicit PolicyInUse(lite::Policy loaded)
         : policy(std::move(loaded)), workspace(policy.workspace(kRows)) {}
 
-    lite::Policy policy;
+    /// Calls work() without the GIL, while no other thread uses the policy.
+    template <class Work>
+    void run(const Work& work) {
+        renew_after_fork();
+        run_without_gil([&] {
+            const std::lock_guard lock(*mutex_);
+            work();
+        });
+    }
+
+    const lite::Policy policy;
     lite::Workspace workspace;
     std::mt19937_64 random{0};
-    std::mutex mutex;
+
+  private:
+    /// In a forked process a thread that is not there may hold the mutex, in the midst of its work.
+    void renew_after_fork() {
+        if (process_ == getpid()) return;
+        static_cast<void>(mutex_.release());
+        mutex_ = std::make_unique<std::mutex>();
+        workspace = policy.workspace(kRows);
+        process_ = getpid();
+    }
+
+    std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
+    pid_t process_ = getpid();
 };
 
 Choice choice_of(const std::string& name) {
@@ -499,8 +519,7 @@ void act(PolicyInUse& self, const Array<const std::uint8_t>& observations, const
     if (coordinates.size() != axes * count)
         throw std::invalid_argument("the array for the coordinates has another size");
     const auto chosen = choice_of(choice);
-    run_without_gil([&] {
-        const std::lock_guard lock(self.mutex);
+    self.run([&] {
         std::vector<Decision> decisions(count);
         self.policy.act(span_of(observations), decisions, self.workspace, chosen, self.random);
         for (std::size_t i = 0; i < count; ++i) {
@@ -514,8 +533,7 @@ void output(PolicyInUse& self, const Array<const std::uint8_t>& observations, co
     const auto size = self.policy.output_size();
     const auto count = numbers.size() / size;
     check_observations(self, observations, count);
-    run_without_gil([&] {
-        const std::lock_guard lock(self.mutex);
+    self.run([&] {
         const auto bytes = self.policy.info().observation_size();
         for (std::size_t i = 0; i < count; ++i) {
             const auto row =
@@ -532,7 +550,7 @@ nb::dict info_of(const PolicyInUse& self) {
     result["agent"] = info.agent;
     result["encoder"] = info.encoder;
     result["action_space"] = info.action_space;
-    result["joystick"] = std::string(names_of(info.joystick)[static_cast<std::size_t>(info.joystick)]);
+    result["joystick"] = std::string(name_of(info.joystick));
     nb::list actions;
     for (const auto event : info.actions) actions.append(std::string(event_name(event)));
     result["actions"] = actions;
@@ -572,8 +590,8 @@ void bind_policies(nb::module_& m) {
             "gives_action_values", [](const PolicyInUse& self) { return self.policy.gives_action_values(); },
             "Whether these are action values.")
         .def(
-            "seed", [](PolicyInUse& self, std::uint64_t seed) { self.random.seed(seed); }, "seed"_a,
-            "Seeds what actions are drawn from.")
+            "seed", [](PolicyInUse& self, std::uint64_t seed) { self.run([&] { self.random.seed(seed); }); },
+            "seed"_a, "Seeds what actions are drawn from.")
         .def("act", act, "observations"_a, "choice"_a, "coordinates"_a, "actions"_a,
              "Writes a decision for each observation.")
         .def("output", output, "observations"_a, "numbers"_a, "Writes the network's output.");
@@ -606,6 +624,8 @@ NB_MODULE(_core, m) {
     m.doc() = "What cale's Python classes are made of.";
     // Objects of threads that are still at work when the interpreter ends are no leak.
     nb::set_leak_warnings(false);
+    // The threads that are counted stay behind in the process that forks.
+    pthread_atfork(nullptr, nullptr, [] { threads_without_gil = 0; });
     m.def("end", end, "Waits for threads that work without the GIL, and lets no other begin.");
     nb::module_::import_("atexit").attr("register")(m.attr("end"));
     m.def("games", game_table, "The games: names and reference scores.");

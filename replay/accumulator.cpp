@@ -26,11 +26,11 @@ double n_step_return(std::span<const StoredStep> steps, double gamma) {
 
 Accumulator::Accumulator(const ReplayConfig& config)
     : rule_(config.replay_terminal),
-      stack_(config.stack),
+      stack_(config.observation.stack),
       horizon_(config.update_horizon),
       gamma_(config.gamma),
-      observation_(static_cast<std::size_t>(config.stack)),
-      next_observation_(static_cast<std::size_t>(config.stack)) {
+      observation_(static_cast<std::size_t>(config.observation.stack)),
+      next_observation_(static_cast<std::size_t>(config.observation.stack)) {
     steps_.reserve(static_cast<std::size_t>(max_steps() + 1));
 }
 

@@ -19,7 +19,7 @@ torch::Tensor on_host(at::IntArrayRef shape, at::ScalarType type, torch::Device 
 }
 
 torch::Tensor frames_on(const ReplayConfig& config, torch::Device device) {
-    const auto count = frame_capacity(config) + 1, size = config.frame_size();
+    const auto count = frame_capacity(config) + 1, size = config.observation.frame_size();
     try {
         auto frames = torch::empty({count, size}, torch::dtype(torch::kUInt8).device(device));
         frames[-1].zero_();

@@ -5,23 +5,23 @@
 namespace cale {
 
 std::int64_t frame_capacity(const ReplayConfig& config) {
-    return config.capacity + 2 * config.num_envs * (config.update_horizon + config.stack);
+    return config.capacity + 2 * config.num_envs * (config.update_horizon + config.observation.stack);
 }
 
 std::int64_t bytes_per_frame(const ReplayConfig& config) {
     const auto action = config.action_size > 0 ? config.action_size * std::int64_t{sizeof(float)}
                                                : std::int64_t{sizeof(std::int64_t)};
-    return config.frame_size() + action + std::int64_t{sizeof(std::int64_t)};
+    return config.observation.frame_size() + action + std::int64_t{sizeof(std::int64_t)};
 }
 
 std::int64_t bytes_per_transition(const ReplayConfig& config) {
-    return 2 * config.stack * std::int64_t{sizeof(FrameId)} + 2 * std::int64_t{sizeof(float)};
+    return 2 * config.observation.stack * std::int64_t{sizeof(FrameId)} + 2 * std::int64_t{sizeof(float)};
 }
 
 FrameRing::FrameRing(const ReplayConfig& config)
-    : stack(config.stack),
+    : stack(config.observation.stack),
       action_size(config.action_size),
-      frame_size(config.frame_size()),
+      frame_size(config.observation.frame_size()),
       frames_capacity(frame_capacity(config)),
       capacity(config.capacity),
       frames(frames_capacity * frame_size),

@@ -68,15 +68,10 @@ void ReplayBuffer::add(std::int64_t env, const Experience& experience) {
     if (priorities_) follow_ring(begin, end);
 }
 
-std::vector<std::int64_t> ReplayBuffer::stacks_shape(std::int64_t batch_size) const {
-    std::vector<std::int64_t> shape{batch_size, config_.stack};
-    shape.insert(shape.end(), config_.frame_shape.begin(), config_.frame_shape.end());
-    return shape;
-}
-
 Batch ReplayBuffer::empty_batch(std::int64_t batch_size) const {
     const auto stacks = [&] {
-        return torch::empty(stacks_shape(batch_size), torch::dtype(torch::kUInt8).device(pixels_device()));
+        return torch::empty(config_.observation.tensor_shape({batch_size}),
+                            torch::dtype(torch::kUInt8).device(pixels_device()));
     };
     return {.observation = stacks(),
             .action = config_.action_size > 0
@@ -173,7 +168,7 @@ void ReplayBuffer::restore(std::unique_ptr<FrameRing> ring, ReplayState state) {
 
 void ReplayBuffer::require_shapes(const Batch& batch) const {
     const std::int64_t size = rows_of(batch.index);
-    const auto stacks = stacks_shape(size);
+    const auto stacks = config_.observation.tensor_shape({size});
     const std::array<std::int64_t, 2> coordinates{size, config_.action_size};
     const at::IntArrayRef batch_shape(size);
     check_tensor("batch.observation", batch.observation, stacks, at::kByte, pixels_device());

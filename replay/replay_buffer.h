@@ -55,8 +55,6 @@ class ReplayBuffer final : public Replay {
     void restore(std::unique_ptr<FrameRing> ring, ReplayState state) override;
 
   private:
-    /// Returns [batch_size, stack, ...].
-    std::vector<std::int64_t> stacks_shape(std::int64_t batch_size) const;
     void require_shapes(const Batch& batch) const;
     std::int64_t position_of(std::int64_t slot) const;
     bool draws_by_priority() const { return priorities_ && priorities_->total() > 0; }

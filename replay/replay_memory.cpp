@@ -9,17 +9,27 @@
 
 namespace cale {
 
-std::int64_t memory_needed(const ReplayConfig& config) {
+namespace {
+
+std::int64_t frame_bytes(const ReplayConfig& config, bool mirrored) {
+    return bytes_per_frame(config) + (mirrored ? config.observation.frame_size() : 0);
+}
+
+}  // namespace
+
+std::int64_t memory_needed(const ReplayConfig& config, bool mirrored) {
     validate(config);
-    return frame_capacity(config) * bytes_per_frame(config) + config.capacity * bytes_per_transition(config) +
+    return frame_capacity(config) * frame_bytes(config, mirrored) +
+           config.capacity * bytes_per_transition(config) +
            (config.prioritised ? SumTree::bytes(config.capacity) : 0);
 }
 
-void check_memory(const ReplayConfig& config, std::int64_t available) {
-    const std::int64_t needed = memory_needed(config);
+void check_memory(const ReplayConfig& config, std::int64_t available, bool mirrored) {
+    const std::int64_t needed = memory_needed(config, mirrored);
     if (needed <= available) return;
     const std::int64_t fits =
-        config.capacity - (needed - available) / (bytes_per_frame(config) + bytes_per_transition(config)) - 1;
+        config.capacity -
+        (needed - available) / (frame_bytes(config, mirrored) + bytes_per_transition(config)) - 1;
     std::ostringstream message;
     message.precision(3);
     message << "the replay needs " << static_cast<double>(needed) / 1e9 << " GB of memory and "

@@ -38,7 +38,8 @@ torch::Tensor Rollout::part(const std::map<std::string, torch::Tensor>& state, c
 
 Rollout::Rollout(const RolloutConfig& rollout_config)
     : config(rollout_config),
-      observation(torch::empty(config.shape({config.length, config.num_envs, config.stack}), torch::kUInt8)),
+      observation(
+          torch::empty(config.observation.tensor_shape({config.length, config.num_envs}), torch::kUInt8)),
       action(config.action_size > 0 ? torch::empty({config.length, config.num_envs, config.action_size})
                                     : torch::empty({config.length, config.num_envs}, torch::kInt64)),
       reward(torch::empty({config.length, config.num_envs})),
@@ -64,7 +65,7 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
     }
     require_shape("actions", actions, action.sizes().slice(1));
     require_finite_rewards(results);
-    const auto frame_size = static_cast<std::size_t>(config.frame_size());
+    const auto frame_size = static_cast<std::size_t>(config.observation.frame_size());
     const bool cut_off = std::any_of(results.begin(), results.end(), [](const StepResult& result) {
         return result.truncated && !result.terminal;
     });
@@ -80,7 +81,7 @@ float Rollout::scaled(float value) const {
 
 void Rollout::store_step(const torch::Tensor& actions, std::span<const StepResult> results,
                          std::span<const std::uint8_t> final_frames) {
-    const auto frame_size = static_cast<std::size_t>(config.frame_size());
+    const auto frame_size = static_cast<std::size_t>(config.observation.frame_size());
     action[steps].copy_(actions);
     auto* rewards = reward[steps].data_ptr<float>();
     auto* terminals = terminal[steps].data_ptr<float>();
@@ -90,7 +91,7 @@ void Rollout::store_step(const torch::Tensor& actions, std::span<const StepResul
         terminals[env] = result.terminal || result.truncated ? 1.0f : 0.0f;
         if (result.terminal || !result.truncated) continue;
         const auto column = static_cast<std::int64_t>(env);
-        auto left_with = torch::empty(config.shape({config.stack}), torch::kUInt8);
+        auto left_with = torch::empty(config.observation.tensor_shape(), torch::kUInt8);
         left_with.slice(0, 0, -1).copy_(observation[steps][column].slice(0, 1));
         const auto last = final_frames.subspan(env * frame_size, frame_size);
         std::copy(last.begin(), last.end(), left_with[-1].data_ptr<std::uint8_t>());
@@ -102,7 +103,7 @@ void Rollout::store_step(const torch::Tensor& actions, std::span<const StepResul
 std::map<std::string, torch::Tensor> Rollout::state() const {
     const auto cuts = static_cast<std::int64_t>(truncations.size());
     auto cut_at = torch::empty({cuts, 2}, torch::kInt64);
-    auto cut_observation = torch::empty(config.shape({cuts, config.stack}), torch::kUInt8);
+    auto cut_observation = torch::empty(config.observation.tensor_shape({cuts}), torch::kUInt8);
     for (std::int64_t i = 0; i < cuts; ++i) {
         const auto& cut = truncations[static_cast<std::size_t>(i)];
         cut_at[i][0] = cut.step;
@@ -128,7 +129,7 @@ void Rollout::restore(const std::map<std::string, torch::Tensor>& state) {
                rewards = whole("reward", reward), terminals = whole("terminal", terminal);
     const auto cut_at = part(state, "truncation_at", at::kLong, {-1, 2});
     const auto cut_observation =
-        part(state, "truncation_observation", at::kByte, config.shape({cut_at.size(0), config.stack}));
+        part(state, "truncation_observation", at::kByte, config.observation.tensor_shape({cut_at.size(0)}));
     const auto limits = torch::tensor({count, config.num_envs});
     if (!((cut_at >= 0) & (cut_at < limits)).all().item<bool>())
         throw std::runtime_error("a stored rollout was cut off where it has no step");

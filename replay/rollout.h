@@ -2,9 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,6 +11,7 @@
 #include <torch/types.h>
 
 #include "replay/types.h"
+#include "world/spaces.h"
 #include "world/step_result.h"
 
 namespace cale {
@@ -21,21 +20,10 @@ namespace cale {
 struct RolloutConfig {
     std::int64_t length = 1024;                        // steps of each environment
     std::int64_t num_envs = 1;                         // that step together
-    std::int64_t stack = 4;                            // frames of an observation
-    std::vector<std::int64_t> frame_shape{84, 84};     // {rows, columns} of bytes, or {bytes}
+    ObservationSpace observation = {};                 // its arrays are the frames
     std::int64_t action_size = 3;                      // continuous coordinates; 0: one discrete action
     double reward_scale = 1;                           // factor of the rewards
     std::optional<double> reward_clip = std::nullopt;  // before the scale
-
-    /// Returns `before`, then the shape of a frame.
-    std::vector<std::int64_t> shape(std::vector<std::int64_t> before) const {
-        before.insert(before.end(), frame_shape.begin(), frame_shape.end());
-        return before;
-    }
-    /// Returns the bytes of a frame.
-    std::int64_t frame_size() const {
-        return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
-    }
 };
 
 /// T steps of N environments, on the CPU.
@@ -66,17 +54,17 @@ class Rollout {
 
     RolloutConfig config;       // as it was made with
     std::int64_t steps = 0;     // so far
-    torch::Tensor observation;  // [T, N, stack, H, W] uint8
+    torch::Tensor observation;  // [T, N, stack, ...] uint8
     torch::Tensor action;       // [T, N, action_size] float32, or [T, N] int64
     torch::Tensor reward;       // [T, N] float32, clipped and scaled
     torch::Tensor terminal;     // [T, N] float32: 1 where the episode ended or was cut off
-    /// The observations after the last step, [N, stack, H, W], where they are not the next observations.
+    /// The observations after the last step, [N, stack, ...], where they are not the next observations.
     torch::Tensor next_observation;
 
-    /// A truncated episode and its final observation [stack, H, W], whose value is bootstrapped.
+    /// A truncated episode and its final observation [stack, ...], whose value is bootstrapped.
     struct Truncation {
         std::int64_t step, env;     // where
-        torch::Tensor observation;  // [stack, H, W] uint8
+        torch::Tensor observation;  // [stack, ...] uint8
     };
     std::vector<Truncation> truncations;  // of this rollout
 

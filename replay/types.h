@@ -2,14 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <numeric>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include <torch/types.h>
 
+#include "world/spaces.h"
 #include "world/step_result.h"
 
 namespace cale {
@@ -22,26 +20,20 @@ std::span<const std::string_view> names_of(ReplayTerminal);
 
 /// The defaults are those of 200 million frames.
 struct ReplayConfig {
-    std::int64_t capacity = 1'000'000;              // transitions
-    std::int64_t num_envs = 1;                      // that store here
-    std::int64_t stack = 4;                         // frames of an observation
-    std::vector<std::int64_t> frame_shape{84, 84};  // {rows, columns} of bytes, or {bytes}
-    std::int64_t action_size = 3;                   // continuous coordinates; 0: one discrete action
-    std::int64_t update_horizon = 1;                // n of the n-step return
-    double gamma = 0.99;                            // discount per agent step
+    std::int64_t capacity = 1'000'000;  // transitions
+    std::int64_t num_envs = 1;          // that store here
+    ObservationSpace observation = {};  // its arrays are the frames
+    std::int64_t action_size = 3;       // continuous coordinates; 0: one discrete action
+    std::int64_t update_horizon = 1;    // n of the n-step return
+    double gamma = 0.99;                // discount per agent step
     ReplayTerminal replay_terminal = ReplayTerminal::corrected;  // what is stored at an episode's end
     bool prioritised = false;  // sample by priority (Schaul et al. 2016), else uniformly
-
-    /// Returns the bytes of a frame.
-    std::int64_t frame_size() const {
-        return std::accumulate(frame_shape.begin(), frame_shape.end(), std::int64_t{1}, std::multiplies<>());
-    }
 };
 
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
 /// the stack that ends with `frame`.
 struct Experience {
-    std::span<const std::uint8_t> frame = {};        // height x width
+    std::span<const std::uint8_t> frame = {};        // of ObservationSpace::frame_size() bytes
     std::span<const float> action = {};              // action_size coordinates (continuous)
     std::int64_t discrete_action = 0;                // (discrete)
     float reward = 0;                                // of the step
@@ -53,11 +45,11 @@ struct Experience {
 /// B transitions. `discount` is 0 where the window contains a terminal, gamma^steps otherwise, so that a
 /// target is always n_step_return + discount * value(next_observation).
 struct Batch {
-    torch::Tensor observation;       // [B, stack, H, W] uint8, newest frame last
+    torch::Tensor observation;       // [B, stack, ...] uint8, newest frame last
     torch::Tensor action;            // [B, action_size] float32, or [B] int64
     torch::Tensor n_step_return;     // [B] float32
     torch::Tensor discount;          // [B] float32
-    torch::Tensor next_observation;  // [B, stack, H, W] uint8
+    torch::Tensor next_observation;  // [B, stack, ...] uint8
     torch::Tensor index;             // [B] int64: where they are stored, in [0, capacity)
     torch::Tensor probability = {};  // [B] float32: with which each one was drawn
 };

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <iterator>
 #include <map>
 #include <optional>
@@ -208,8 +209,10 @@ void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
     comparison.thresholds = profile_thresholds(comparison.results);
     for (auto& result : comparison.results)
         result.profile = performance_profile(result.scores, comparison.thresholds, for_bands);
+    const bool any_own = !std::ranges::all_of(comparison.groups, is_recorded);
     for (std::size_t x = 0; x < comparison.results.size(); ++x) {
         for (std::size_t y = x + 1; y < comparison.results.size(); ++y) {
+            if (any_own && is_recorded(comparison.groups[x]) && is_recorded(comparison.groups[y])) continue;
             comparison.improvements.push_back(
                 {x, y,
                  probability_of_improvement(comparison.results[x].scores, comparison.results[y].scores,
@@ -280,7 +283,9 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
         for (const auto& run : group.runs) {
             if (!run.env) continue;
             if (const auto play = joystick_random(*run.env)) {
-                add(fmt::format("random joystick ({})", play->protocol), *run.game, play->mean);
+                add(fmt::format("random joystick ({}{})", play->protocol,
+                                play->joystick == Joystick::polar ? "" : ", cartesian"),
+                    *run.game, play->mean);
             } else if (const auto score = random_floor(*run.env)) {
                 add(std::string(kPublishedRandom), *run.game, *score);
             }
@@ -309,6 +314,55 @@ std::string name_of(const Run& run) {
     return run.recorded_as.empty()
                ? run.folder.string()
                : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
+}
+
+/// "1,000 agent steps (a; b), 100,000 (c)" where the runs of groups are of different lengths; else empty.
+std::string lengths_text(const std::vector<Group>& groups) {
+    std::map<std::string, std::vector<std::string>> labels;  // by the text of a length
+    std::map<double, std::string> texts;                     // by length
+    for (const auto& group : groups) {
+        double steps = 0;
+        for (const auto& run : group.runs)
+            steps = std::max(steps, run.total_steps > 0 ? run.total_steps : run.reached);
+        labels[texts[steps] = fmt::format("{:.0f}", steps)].push_back(group.label);
+    }
+    if (texts.size() < 2) return "";
+    std::vector<std::string> parts;
+    for (const auto& [steps, text] : texts)
+        parts.push_back(fmt::format("{} ({})", text, fmt::join(labels[text], "; ")));
+    return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+/// Groups in which a run is so.
+template <class Is>
+std::vector<std::string> groups_where(const Comparison& comparison, Is&& is) {
+    std::vector<std::string> labels;
+    for (const auto& group : comparison.groups)
+        if (std::ranges::any_of(group.runs, is)) labels.push_back(group.label);
+    return labels;
+}
+
+bool ends_before_first_update(const Run& run) {
+    const auto first = setting_of(run, "agent.min_replay");
+    return !first.empty() && run.total_steps > 0 && run.total_steps <= std::strtod(first.c_str(), nullptr);
+}
+
+std::vector<Note> notes_on_settings(const Comparison& comparison) {
+    std::vector<Note> notes;
+    if (auto lengths = lengths_text(comparison.groups); !lengths.empty())
+        notes.push_back({fmt::format("Groups have runs of different lengths, in agent steps: {}.", lengths)});
+    const auto short_games =
+        groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); });
+    if (!short_games.empty())
+        notes.push_back({fmt::format(
+            "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
+            "human-normalised scores are none of whole games: {}.",
+            fmt::join(short_games, "; "))});
+    if (const auto untrained = groups_where(comparison, ends_before_first_update); !untrained.empty())
+        notes.push_back({fmt::format(
+            "Runs end before the first update (agent.min_replay), so that nothing was learned: {}.",
+            fmt::join(untrained, "; "))});
+    return notes;
 }
 
 /// "1 run is", "3 runs are"
@@ -359,6 +413,7 @@ std::vector<Note> notes_on(const Comparison& comparison) {
         if (result.least_runs != result.most_runs) uneven.push_back(counted);
     }
     auto notes = notes_on_runs(comparison);
+    std::ranges::move(notes_on_settings(comparison), std::back_inserter(notes));
     if (comparison.games.empty())
         notes.push_back(
             {"There is no game with a human score that every group has played: nothing is aggregated over "

@@ -68,8 +68,10 @@ namespace {
 
 std::string text_of(const std::filesystem::path& path) {
     std::ifstream file(path);
-    if (!file)
-        throw std::runtime_error(fmt::format("cannot read {}: {}", path.string(), std::strerror(errno)));
+    const bool is_folder = std::filesystem::is_directory(path);  // which can be opened, and not read
+    if (!file || is_folder)
+        throw std::runtime_error(
+            fmt::format("cannot read {}: {}", path.string(), std::strerror(is_folder ? EISDIR : errno)));
     return {std::istreambuf_iterator<char>(file), {}};
 }
 

@@ -521,7 +521,8 @@ std::string floor_sentence(const Comparison& comparison) {
     const auto of_joystick = [](const Baseline& floor) { return floor.name != kPublishedRandom; };
     if (std::ranges::none_of(comparison.random_floors, of_joystick)) return "";
     return " Runs with the continuous joystick compare with “random joystick”: uniformly random "
-           "(r, θ, fire), as measured. “random (published)” is the literature's random agent, with "
+           "actions in polar or cartesian coordinates, as measured. “random (published)” is the literature's "
+           "random agent, with "
            "discrete actions.";
 }
 

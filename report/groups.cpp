@@ -188,7 +188,9 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
                 fmt::format("two groups are called {}: give one of them another name by --name '{}=NAME'",
                             group.label, group.label));
     }
-    std::ranges::sort(groups, {}, &Group::label);
+    // Recorded groups come last.
+    std::ranges::sort(groups, {},
+                      [](const Group& group) { return std::pair(is_recorded(group), group.label); });
 }
 
 std::vector<std::string> missing_runs(const std::vector<Run>& runs) {

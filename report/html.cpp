@@ -151,7 +151,7 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
     std::vector<std::string> files{figure.name + ".svg", figure.name + ".png", figure.name + ".csv"};
     const bool is_table = figure.name == "aggregates" || figure.name == "game_scores" ||
                           figure.name == "probability_of_improvement";
-    if (is_table) files.push_back(figure.name + ".tex");
+    if (is_table) files.insert(files.end(), {figure.name + ".tex", figure.name + ".md"});
     html += file_links(files);
     const bool intervals = std::ranges::any_of(comparison.results, &GroupResult::has_interval);
     if (figure.name == "aggregates")
@@ -167,7 +167,7 @@ std::string setup_section(const Comparison& comparison) {
            html_table(setup_table(comparison),
                       "Groups of runs, which differ in game and seed only unless "
                       "the settings below say otherwise") +
-           file_links({"setup.csv", "setup.tex", "scores.csv"});
+           file_links({"setup.csv", "setup.tex", "setup.md", "scores.csv"});
 }
 
 std::string settings_section(const Comparison& comparison) {
@@ -176,7 +176,7 @@ std::string settings_section(const Comparison& comparison) {
         html += html_table(differing, "In which groups differ, of those that all groups have");
     if (const auto shared = shared_setting_table(comparison); !shared.rows.empty())
         html += html_table(shared, "That all runs share, or whose values all groups have");
-    return html + file_links({"settings.csv", "settings.tex"});
+    return html + file_links({"settings.csv", "settings.tex", "settings.md"});
 }
 
 std::string method_section(const Comparison& comparison, const PageOrigin& origin) {

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <string_view>
 
+#include "cale/fields.h"
 #include "report/panel.h"
 
 namespace cale {
@@ -154,8 +155,7 @@ void visit_positions(Joystick joystick, Visit&& visit) {
 }
 
 std::string title_of(double threshold, Joystick joystick) {
-    return fmt::format("Joystick events at threshold {:g}, {} actions", threshold,
-                       names_of(joystick)[static_cast<std::size_t>(joystick)]);
+    return fmt::format("Joystick events at threshold {:g}, {} actions", threshold, name_of(joystick));
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ void remove_report(const fs::path& folder) {
     for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
                              "performance_profiles", "probability_of_improvement", "game_curves",
                              "game_scores", "events", "zones", "rewards"}) {
-        for (const auto* extension : {".csv", ".tex", ".svg", ".png"})
+        for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
             fs::remove(folder / (std::string(name) + extension));
     }
 }
@@ -66,7 +66,7 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
     std::vector<std::string> names;
     const auto next = [&](const std::string& name) { return partial.path() / names.emplace_back(name); };
     write_text(next("report.html"), to_html(comparison, pictures, origin, with_script));
-    for (const auto& tables : {csv_files(comparison), latex_files(comparison)})
+    for (const auto& tables : {csv_files(comparison), table_files(comparison)})
         for (const auto& table : tables) write_text(next(table.name), table.text);
     for (const auto& figure : pictures)
         for (const auto* extension : {".svg", ".png"})

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "cale/action.h"
+#include "cale/fields.h"
 #include "cale/text.h"
 #include "report/csv.h"
 #include "report/recorded_runs.h"
@@ -74,16 +75,20 @@ std::vector<Baseline> published(const Comparison& comparison) {
     return references;
 }
 
-double best_mean(const Comparison& comparison, const Game& game) {
-    double best = -HUGE_VAL;
-    for (const auto& group : comparison.results)
-        if (const auto* result = find_game_in(group, game.name)) best = std::max(best, result->mean.value);
-    return best;
-}
-
 /// Means of equal scores may differ in their last digits.
 bool same_score(double a, double b) {
     return std::abs(a - b) <= 1e-9 * std::max(std::abs(a), std::abs(b));
+}
+
+/// The results with the highest mean; none where all groups have the same.
+std::vector<const GameResult*> best_of(const Comparison& comparison, const Game& game) {
+    std::vector<const GameResult*> results;
+    for (const auto& group : comparison.results)
+        if (const auto* result = find_game_in(group, game.name)) results.push_back(result);
+    double best = -HUGE_VAL;
+    for (const auto* result : results) best = std::max(best, result->mean.value);
+    const auto lower = [&](const GameResult* result) { return !same_score(result->mean.value, best); };
+    return std::erase_if(results, lower) > 0 ? results : std::vector<const GameResult*>();
 }
 
 std::string joined(const std::set<std::string>& texts) {
@@ -117,12 +122,10 @@ std::string protocol_text(const EnvConfig& env) {
 }
 
 std::string action_space_text(const EnvConfig& env) {
-    const auto name = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
-    if (env.action_space != ActionSet::continuous) return fmt::format("discrete, {}", name);
+    if (env.action_space != ActionSet::continuous)
+        return fmt::format("discrete, {}", name_of(env.action_space));
     const auto joystick = coordinates(env);
-    const auto chosen_by = joystick == Joystick::polar
-                               ? ""
-                               : fmt::format(" {}", names_of(joystick)[static_cast<std::size_t>(joystick)]);
+    const auto chosen_by = joystick == Joystick::polar ? "" : fmt::format(" {}", name_of(joystick));
     return fmt::format("joystick{}, threshold {:g}", chosen_by, env.threshold);
 }
 
@@ -165,6 +168,16 @@ std::string latex_text(std::string_view text) {
         }
     }
     return latex;
+}
+
+/// Without what Markdown would take for the end of a cell or for mark-up.
+std::string markdown_text(std::string_view text) {
+    std::string markdown;
+    for (const char c : text) {
+        if (std::string_view("|*_`<\\").find(c) != std::string_view::npos) markdown += '\\';
+        markdown += c;
+    }
+    return markdown;
 }
 
 /// Collects the rows of a CSV file.
@@ -333,11 +346,10 @@ Table game_table(const Comparison& comparison) {
             }
         };
         add(before);
-        const double best = best_mean(comparison, *game);
+        const auto best = best_of(comparison, *game);
         for (const auto& group : comparison.results) {
             const auto* result = find_game_in(group, game->name);
-            bold[row.size()] =
-                comparison.results.size() > 1 && result != nullptr && same_score(result->mean.value, best);
+            bold[row.size()] = std::ranges::find(best, result) != best.end();
             row.push_back(
                 result == nullptr ? "" : estimate_text(result->mean, result->runs.size() > 1, score_text));
         }
@@ -434,6 +446,25 @@ std::string to_latex(const Table& table) {
     return latex + "\\bottomrule\n\\end{tabular}\n";
 }
 
+std::string to_markdown(const Table& table) {
+    std::string text;
+    const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
+        for (std::size_t column = 0; column < row.size(); ++column) {
+            const auto cell = markdown_text(row[column]);
+            text += is_bold(column) ? fmt::format("| **{}** ", cell) : fmt::format("| {} ", cell);
+        }
+        text += "|\n";
+    };
+    write(table.header, [](std::size_t) { return false; });
+    for (std::size_t column = 0; column < table.header.size(); ++column)
+        text += column < table.name_columns ? "|---" : "|---:";
+    text += "|\n";
+    for (std::size_t i = 0; i < table.rows.size(); ++i)
+        write(table.rows[i],
+              [&](std::size_t column) { return !table.best.empty() && table.best[i][column]; });
+    return text;
+}
+
 std::vector<TextFile> csv_files(const Comparison& comparison) {
     std::vector<TextFile> files;
     add_scores(comparison, files);
@@ -446,16 +477,18 @@ std::vector<TextFile> csv_files(const Comparison& comparison) {
     return files;
 }
 
-std::vector<TextFile> latex_files(const Comparison& comparison) {
+std::vector<TextFile> table_files(const Comparison& comparison) {
     std::vector<TextFile> files;
-    const auto add = [&](const char* name, const Table& table) {
-        if (!table.rows.empty()) files.push_back({name, to_latex(table)});
+    const auto add = [&](const std::string& name, const Table& table) {
+        if (table.rows.empty()) return;
+        files.push_back({name + ".tex", to_latex(table)});
+        files.push_back({name + ".md", to_markdown(table)});
     };
-    add("setup.tex", setup_table(comparison));
-    add("settings.tex", settings_by_group(comparison, all_settings(comparison.groups)));
-    add("aggregates.tex", aggregate_table(comparison));
-    add("probability_of_improvement.tex", improvement_table(comparison));
-    add("game_scores.tex", game_table(comparison));
+    add("setup", setup_table(comparison));
+    add("settings", settings_by_group(comparison, all_settings(comparison.groups)));
+    add("aggregates", aggregate_table(comparison));
+    add("probability_of_improvement", improvement_table(comparison));
+    add("game_scores", game_table(comparison));
     return files;
 }
 

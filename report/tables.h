@@ -21,7 +21,8 @@ Table aggregate_table(const Comparison& comparison);
 /// A row per pair of groups: the probability that the first scores more.
 Table improvement_table(const Comparison& comparison);
 /// A row per game: the published random and human score that it is normalised with, what random play scores
-/// on the runs' joystick, what each group scored, and each baseline. The best of the groups are bold.
+/// on the runs' joystick, what each group scored, and each baseline. The highest mean of the groups is bold,
+/// unless all share it.
 Table game_table(const Comparison& comparison);
 /// A row per group: agent, protocol, action space, agent steps, games, seeds, runs.
 Table setup_table(const Comparison& comparison);
@@ -40,6 +41,9 @@ std::string to_text(const Table& table);
 /// As a tabular of LaTeX, for the package booktabs.
 std::string to_latex(const Table& table);
 
+/// As a table of Markdown.
+std::string to_markdown(const Table& table);
+
 struct TextFile {
     std::string name{};  // "aggregates.csv"
     std::string text{};
@@ -51,7 +55,8 @@ struct TextFile {
 /// has nothing for are left out. Where there is no interval, its cells are empty.
 std::vector<TextFile> csv_files(const Comparison& comparison);
 
-/// The tables for a paper: setup, settings, aggregates, probability_of_improvement, game_scores.
-std::vector<TextFile> latex_files(const Comparison& comparison);
+/// The tables for a paper (.tex) and for a page (.md): setup, settings, aggregates,
+/// probability_of_improvement, game_scores.
+std::vector<TextFile> table_files(const Comparison& comparison);
 
 }  // namespace cale

@@ -88,9 +88,7 @@ std::string unknown_option(std::string_view argument, const ConfigTable& table) 
     const auto name = argument.substr(0, argument.find('='));
     std::vector<std::string> names;
     for (const auto& option : train_options(table)) names.emplace_back(option.name);
-    const auto guess = nearest(name, names);
-    return fmt::format("unknown option '{}'{}", name,
-                       guess.empty() ? "" : fmt::format("; did you mean '{}'?", guess));
+    return fmt::format("unknown option '{}'{}", name, did_you_mean(name, names));
 }
 
 /// The options and their arguments, nothing applied yet.

@@ -13,11 +13,13 @@
 #include <fmt/format.h>
 #include <sys/types.h>
 
+#include "cale/fields.h"
 #include "sweep/child.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
 #include "sweep/sweep_console.h"
 #include "terminal/console.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -193,11 +195,11 @@ class LocalRunner {
         for (const auto& [job, end] : ended) {
             std::erase(active_, job);
             free_slots_.push_back(job->slot);
-            take_in(*job, end);
+            record_end(*job, end);
         }
     }
 
-    void take_in(Job& job, const ChildEnd& end) {
+    void record_end(Job& job, const ChildEnd& end) {
         job.status = status_of(job.folder, job.planned->total_steps, job.planned->evaluates);
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
@@ -208,10 +210,11 @@ class LocalRunner {
             return say(end_of(*job.planned), job, text);
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
-        const auto words = last_log_line(job.folder);
+        const auto last_line = last_log_line(job.folder);
         const bool hopeless = end.exit_code == kUsage || end.exit_code == kCannotResume;
         if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;
-        failed(job, text_of(end) + (end.exit_code >= 0 && !words.empty() ? ": " + words : ""), !hopeless);
+        failed(job, text_of(end) + (end.exit_code >= 0 && !last_line.empty() ? ": " + last_line : ""),
+               !hopeless);
     }
 
     void failed(Job& job, const std::string& reason, bool try_again) {
@@ -244,7 +247,7 @@ class LocalRunner {
                                      : one           ? " Ctrl-C again kills it."
                                                      : " Ctrl-C again kills them."));
         }
-        if (now >= stop_at_ && !std::exchange(told_, true)) {
+        if (now >= stop_at_ && !std::exchange(terminated_, true)) {
             for (const Job* job : active_) {
                 if (!job->listened || catches(job->process, SIGTERM)) ::kill(job->process, SIGTERM);
             }
@@ -295,7 +298,7 @@ class LocalRunner {
     std::vector<Job*> active_;
     std::vector<std::size_t> free_slots_;
     Clock::time_point stop_at_ = Clock::time_point::max();
-    bool told_ = false, killed_ = false;
+    bool terminated_ = false, killed_ = false;
 };
 
 }  // namespace

@@ -72,14 +72,10 @@ struct flock whole_file(short type) {
 
 }  // namespace
 
-std::string_view name_of(RunPhase state) {
-    constexpr std::array<std::string_view, 6> names = {"waiting",  "interrupted", "running",
-                                                       "finished", "failed",      "refused"};
-    return names[static_cast<std::size_t>(state)];
-}
-
-std::optional<std::int64_t> newest_checkpoint(const fs::path& folder) {
-    return newest_step(folder / "checkpoints", "");
+std::span<const std::string_view> names_of(RunPhase) {
+    static constexpr std::array<std::string_view, 6> names{"waiting",  "interrupted", "running",
+                                                           "finished", "failed",      "refused"};
+    return names;
 }
 
 bool is_finished(const fs::path& folder, std::int64_t total_steps, bool evaluates) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -13,7 +14,7 @@ namespace cale {
 /// waiting: no checkpoint yet. interrupted: it has a checkpoint to resume from. running: a living process is
 /// working in the folder. refused: the folder holds another run (see config_mismatch()).
 enum class RunPhase { waiting, interrupted, running, finished, failed, refused };
-std::string_view name_of(RunPhase state);
+std::span<const std::string_view> names_of(RunPhase);
 
 struct RunStatus {
     RunPhase state = RunPhase::waiting;
@@ -29,9 +30,6 @@ bool is_finished(const std::filesystem::path& folder, std::int64_t total_steps, 
 
 /// The status of the run in `folder`, which need not exist, whatever its settings.
 RunStatus status_of(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
-
-/// Agent steps of the newest checkpoint; none where there is no checkpoint.
-std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& folder);
 
 /// Returns the name of something in the folder that no run has before its first checkpoint, or empty: a user
 /// put it there, or it is a result.

@@ -16,6 +16,7 @@
 #include "sweep/local_runner.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;

@@ -12,6 +12,9 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
+#include "cale/fields.h"
+#include "cale/text.h"
+#include "report/runs.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
 #include "storage/files.h"
@@ -23,6 +26,7 @@
 #include "sweep/slurm.h"
 #include "sweep/sweep_file.h"
 #include "sweep/table.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -77,13 +81,13 @@ bool asks_for_a_part(const SweepOptions& options) {
 }
 
 /// With a list of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
-/// that are missing (kSweepList in report/runs.h). `extends`: those that were listed before stay.
+/// that are missing (kSweepList). `extends`: those that were listed before stay.
 void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool extends) {
     std::error_code error;
     fs::create_directories(folder, error);
     if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
     if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
-    const auto list = folder / "sweep_runs.txt";
+    const auto list = folder / kSweepList;
     if (extends && fs::exists(list)) {
         std::istringstream lines(read_file(list));
         for (std::string line; std::getline(lines, line);)
@@ -185,6 +189,11 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     return exit_code;
 }
 
+bool ends_before_first_update(const PlannedRun& planned) {
+    const auto* const first = planned_value(planned, "agent.min_replay");
+    return first != nullptr && planned.total_steps <= number_in<std::int64_t>(*first).value_or(0);
+}
+
 // ---- searches -----------------------------------------------------------------------
 
 void check_method(const SweepOptions& options, const Sweep& sweep) {
@@ -239,6 +248,8 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     make_folder(folder, all_runs, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
+    if (const auto count = std::ranges::count_if(runs, ends_before_first_update); count > 0)
+        fmt::print(stderr, "note: {} of them make no update: they end before agent.min_replay\n", count);
     search.train = [&](std::span<const PlannedRun> some) {
         return run_locally(some, folder, slots,
                            {.threads = options.sharing.threads,

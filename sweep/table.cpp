@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "cale/fields.h"
 #include "cale/text.h"
 #include "terminal/columns.h"
 #include "terminal/console.h"
@@ -68,13 +69,15 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
                                    "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
         const bool running = row.status.state == RunPhase::running;
-        text += fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column),
-                            column, row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
-                            running && row.status.steps_per_second > 0
-                                ? fmt::format("{:.1f}", row.status.steps_per_second)
-                                : "-",
-                            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
-                            running ? duration_text(seconds_left(row)) : "-");
+        const bool evaluates = running && row.status.step >= row.total_steps;  // at its end
+        const bool trains = running && !evaluates;
+        text += fmt::format(
+            "{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column), column,
+            evaluates ? "evaluating" : row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
+            trains && row.status.steps_per_second > 0 ? fmt::format("{:.1f}", row.status.steps_per_second)
+                                                      : "-",
+            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
+            trains ? duration_text(seconds_left(row)) : "-");
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + printable(row.status.message), width) + "\n";
         // Every key of it is needed.

@@ -158,7 +158,7 @@ void evaluate_policy(const Options& options, torch::Device device) {
     const EvaluationReport report = report_of(options, task, options.policy, evaluation);
     write_evaluation_report(folder, report);
     std::fputs(evaluation_text(report).c_str(), stdout);
-    std::fputs(fmt::format("{:<20}  {}\n", "written to", folder.string()).c_str(), stdout);
+    std::fputs(fmt::format("{:<20}  {}\n", "written to", printable(folder.string())).c_str(), stdout);
 }
 
 // ---- many runs ------------------------------------------------------------------------
@@ -226,7 +226,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
     std::size_t evaluated = 0;
     for (const auto& run : runs) {
         auto& row = rows.emplace_back(EvaluationRow{.run = run.lexically_relative(options.policy).string()});
-        if (const auto steps = newest_step(run / "checkpoints", ""))
+        if (const auto steps = newest_checkpoint(run))
             row.result = evaluation_result(evaluations_folder(run, protocol), *steps);
         evaluated += row.result ? 1 : 0;
     }

@@ -30,6 +30,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kMostPairs = 10;  // of groups, that the terminal shows
+
 /// A table that comes with cale: where scripts/install put it beside the program, else in the source tree
 /// that the program was built from.
 fs::path data_file(const char* name) {
@@ -156,6 +158,8 @@ void report(Options options) {
     options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
     options.config.names = names_of_groups(options.names);
     auto [baselines, recorded] = read_beside(options);
+    for (auto& baseline : baselines)
+        if (const auto name = options.config.names.extract(baseline.name)) baseline.name = name.mapped();
     if (options.runs.empty() && recorded.empty())
         throw std::invalid_argument("name folders of runs, or recorded ones: --baselines cale");
     const std::vector<fs::path> paths(options.runs.begin(), options.runs.end());
@@ -172,12 +176,15 @@ void report(Options options) {
     const auto files = write_report(comparison, origin, folder, options.web);
 
     if (!comparison.games.empty()) fmt::print("{}\n", to_text(aggregate_table(comparison)));
+    if (const auto pairs = improvement_table(comparison);
+        !pairs.rows.empty() && pairs.rows.size() <= kMostPairs)
+        fmt::print("{}\n", to_text(pairs));
     for (const auto& note : comparison.notes) {
         fmt::print("note: {}\n", printable(note.text));
         for (const auto& item : note.items) fmt::print("  {}\n", printable(item));
     }
-    fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv, .tex)\n", files.front().string(),
-               files.size() - 1);
+    fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv, .tex, .md)\n",
+               files.front().string(), files.size() - 1);
     if (options.strict && !comparison.is_complete())
         throw std::runtime_error(
             "--strict: the grid of the runs is not complete: the notes above name the runs that are missing, "
@@ -233,7 +240,8 @@ void add_report(CLI::App& app) {
         ->allow_extra_args(false);
     command
         .add_option("--name", options->names,
-                    "gives a group another name, without '=': --name 'sac, phi_dqn=SAC'")
+                    "gives a group, or one of the published scores, another name, without '=': --name 'sac, "
+                    "phi_dqn=SAC'")
         ->type_name("LABEL=NAME")
         ->allow_extra_args(false)
         ->take_all();

@@ -139,10 +139,7 @@ void Collector::record(const torch::Tensor& actions, Agent& agent, RunState& sta
         {.frames = frames_, .actions = actions, .results = results_, .final_frames = final_frames_});
     std::swap(frames_, next_frames_);
     state.step += all_;
-    for (std::size_t i = 0; i < results_.size(); ++i) {
-        if (results_[i].terminal || results_[i].truncated) stack_.clear(i);
-        stack_.push(i, frame(i));
-    }
+    for (std::size_t i = 0; i < results_.size(); ++i) stack_.follow(i, results_[i], frame(i));
     if (processes_.single()) {
         count_step(results_, state.step, state, ended);
     } else {

@@ -44,15 +44,15 @@ enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrup
 constexpr auto kLongestEvaluation = std::chrono::hours(6);
 
 /// The other processes that this one was started with, once they are all there.
-ProcessGroup join_processes(const std::optional<ProcessRank>& place, const TrainingProgram& program,
+ProcessGroup join_processes(const std::optional<ProcessRank>& process, const TrainingProgram& program,
                             torch::Device device) {
-    if (!place) return {};
+    if (!process) return {};
     try {
-        ProcessGroup processes(*place, device, kLongestEvaluation);
+        ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
                                fmt::format("process {} of {}: the processes of this run were started with "
                                            "different settings; give all of them the same command line",
-                                           place->rank, place->size));
+                                           process->rank, process->size));
         return processes;
     } catch (const std::invalid_argument& error) {
         throw ConfigError(error.what());
@@ -60,41 +60,41 @@ ProcessGroup join_processes(const std::optional<ProcessRank>& place, const Train
 }
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
-std::optional<ProcessRank> find_place(const TrainingProgram& program, const TrainingWorld& world) {
-    std::optional<ProcessRank> place;
+std::optional<ProcessRank> find_rank(const TrainingProgram& program, const TrainingWorld& world) {
+    std::optional<ProcessRank> process;
     try {
-        place = rank_from_environment();
+        process = rank_from_environment();
     } catch (const std::invalid_argument& error) {
         throw ConfigError(error.what());
     }
-    if (!place) return place;
+    if (!process) return process;
     if (!program.several_processes) {
         throw ConfigError(
             fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo trains in "
                         "several, so start {} without torchrun and with WORLD_SIZE unset",
-                        place->size, program.agent_name, program.name));
+                        process->size, program.agent_name, program.name));
     }
-    if (program.num_envs % place->size != 0) {
+    if (program.num_envs % process->size != 0) {
         throw ConfigError(fmt::format(
             "env.num_envs is {}, which WORLD_SIZE={} processes cannot share equally; make it a multiple",
-            program.num_envs, place->size));
+            program.num_envs, process->size));
     }
     const auto games = std::max<std::int64_t>(1, std::ssize(world.games));
-    const auto share = program.num_envs / place->size;
+    const auto share = program.num_envs / process->size;
     if (share % games != 0) {
         throw ConfigError(fmt::format(
             "env.num_envs is {}, {} for each of WORLD_SIZE={} processes, in which the {} games of env.game "
             "need as many environments each; make it a multiple of {}",
-            program.num_envs, share, place->size, games, games * place->size));
+            program.num_envs, share, process->size, games, games * process->size));
     }
-    return place;
+    return process;
 }
 
 /// Several processes on a machine take a CUDA device each.
-torch::Device choose_device(const std::string& requested, const std::optional<ProcessRank>& place) {
+torch::Device choose_device(const std::string& requested, const std::optional<ProcessRank>& process) {
     const auto gpus = at::getNumGPUs();
-    if (!place) return find_device(requested, gpus);
-    return find_device(requested, gpus, static_cast<std::uint64_t>(place->local_rank));
+    if (!process) return find_device(requested, gpus);
+    return find_device(requested, gpus, static_cast<std::uint64_t>(process->local_rank));
 }
 
 /// A resumed run uses the number of threads it was started with: sums on other numbers of threads
@@ -146,7 +146,7 @@ fs::path choose_run_dir(const CommandLine& line, const TrainingProgram& program,
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
-bool is_run(const fs::path& folder) {
+bool has_run_record(const fs::path& folder) {
     return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
 }
 
@@ -155,7 +155,7 @@ bool is_run(const fs::path& folder) {
 void require_no_run(const fs::path& run_dir) {
     const auto path = fs::absolute(run_dir / "").lexically_normal().parent_path();
     for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
-        if (!is_run(folder)) continue;
+        if (!has_run_record(folder)) continue;
         throw ConfigError(
             fmt::format("--run-dir {}: it is in the folder of another run, {}; choose another one",
                         run_dir.string(), folder.string()));
@@ -165,7 +165,7 @@ void require_no_run(const fs::path& run_dir) {
             "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
             run_dir.string()));
     }
-    if (fs::exists(run_dir / "config.yaml") && !is_run(run_dir)) {
+    if (fs::exists(run_dir / "config.yaml") && !has_run_record(run_dir)) {
         throw ConfigError(fmt::format(
             "--run-dir {}: its config.yaml is no run's, and would be replaced; choose another folder",
             run_dir.string()));
@@ -201,7 +201,7 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
 /// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
 /// train.total_steps.
 void check_length(const TrainingProgram& program, const fs::path& run_dir) {
-    const auto step = newest_step(run_dir / "checkpoints", "").value_or(0);
+    const auto step = newest_checkpoint(run_dir).value_or(0);
     if (step - program.settings.train.total_steps >= program.num_envs) {
         throw ResumeError(fmt::format(
             "--resume {}: it is at agent step {} already, and train.total_steps is {}; let it be more",
@@ -262,7 +262,7 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
             metadata->stop(fmt::format("--until {}", options.until));
         } else {
             metadata->stop(
-                fmt::format("{}", stop_signal().empty() ? "another process was stopped" : stop_signal()));
+                std::string(stop_signal().empty() ? "another process was stopped" : stop_signal()));
         }
         metadata->write();
         return outcome;
@@ -351,6 +351,11 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
             facts.emplace_back(
                 "updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first)));
     }
+    if (const auto& eval = program.settings.eval; eval.episodes > 0)
+        facts.emplace_back(
+            "evaluation",
+            fmt::format("{} game{} at the end{}", eval.episodes, eval.episodes == 1 ? "" : "s",
+                        eval.every > 0 ? fmt::format(", and every {} steps", grouped(eval.every)) : ""));
     facts.emplace_back("run folder", run_dir.string());
     return facts;
 }
@@ -414,6 +419,41 @@ Metadata begin_record(const TrainingProgram& program, const TrainingWorld& world
     return metadata;
 }
 
+/// Records that the run is resumed, with these changes of its configuration, and prints what is not as
+/// before.
+void record_resumption(const TrainingProgram& program, const fs::path& run_dir, const Session& session,
+                       const std::string& changes, double trained_seconds, Metadata& metadata) {
+    const auto earlier = metadata.device();
+    if (earlier && earlier->starts_with("cuda") != session.device.starts_with("cuda"))
+        std::fprintf(stderr,
+                     "%s: the run was trained on %s and continues on %s: its numbers differ from here on\n",
+                     program.name.c_str(), earlier->c_str(), session.device.c_str());
+    write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
+    metadata.resume(session, trained_seconds);
+    if (!changes.empty()) metadata.add_change(changes);
+    metadata.write();
+    if (!changes.empty())
+        std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
+}
+
+/// Returns the options of train(), without its callbacks.
+TrainOptions train_options(const TrainingProgram& program, const CommandLine& line, const fs::path& run_dir,
+                           const ProcessGroup& processes, const std::string& changes) {
+    TrainOptions options;
+    options.run_dir = run_dir;
+    options.processes = processes;
+    options.learns_beside = program.learns_beside;
+    options.resume = line.resume;
+    options.until = line.until;
+    options.changed = !changes.empty();
+    options.config = program.table.to_yaml();
+    options.progress_bar = line.progress;
+    options.agent_name = program.agent_name;
+    for (const auto& entry : program.table.entries())
+        options.hyperparameters.emplace_back(entry.key, entry.get());
+    return options;
+}
+
 int run(const TrainingProgram& program, int argc, const char* const* argv) {
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
     if (line.finished) {
@@ -423,18 +463,18 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 
     prepare_process_for_training();
     const TrainingWorld world = make_world(program);
-    const auto place = find_place(program, world);
-    const torch::Device device = choose_device(line.device, place);
+    const auto process = find_rank(program, world);
+    const torch::Device device = choose_device(line.device, process);
     // What LibTorch allocates without an explicit device, such as pinned memory, belongs to the current one.
     if (device.has_index()) c10::impl::VirtualGuardImpl(device.type()).setDevice(device);
 
-    const ProcessGroup processes = join_processes(place, program, device);
+    const ProcessGroup processes = join_processes(process, program, device);
     fs::path run_dir = choose_run_dir(line, program, world);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
     const int threads = threads_of_all(
-        choose_threads(line, program, world, resumed, run_dir, place ? place->local_size : 1), processes);
+        choose_threads(line, program, world, resumed, run_dir, process ? process->local_size : 1), processes);
     at::set_num_threads(threads);
     const AgentSpec spec = checked_spec(program, world, processes, device);
 
@@ -464,33 +504,11 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
         metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, session));
     }
 
-    TrainOptions options;
-    options.run_dir = run_dir;
-    options.processes = processes;
-    options.learns_beside = program.learns_beside;
-    options.resume = line.resume;
-    options.until = line.until;
-    options.changed = !changes.empty();
-    options.config = program.table.to_yaml();
+    TrainOptions options = train_options(program, line, run_dir, processes, changes);
     options.checkpointed = [&] { metadata->write(); };
     options.resumed = [&](double trained_seconds) {
-        const auto earlier = metadata->device();
-        if (earlier && earlier->starts_with("cuda") != device.is_cuda())
-            std::fprintf(
-                stderr,
-                "%s: the run was trained on %s and continues on %s: its numbers differ from here on\n",
-                program.name.c_str(), earlier->c_str(), session.device.c_str());
-        write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
-        metadata->resume(session, trained_seconds);
-        if (!changes.empty()) metadata->add_change(changes);
-        metadata->write();
-        if (!changes.empty())
-            std::fprintf(stderr, "%s: changed in mid-run: %s\n", program.name.c_str(), changes.c_str());
+        record_resumption(program, run_dir, session, changes, trained_seconds, *metadata);
     };
-    options.progress_bar = line.progress;
-    options.agent_name = program.agent_name;
-    for (const auto& entry : program.table.entries())
-        options.hyperparameters.emplace_back(entry.key, entry.get());
     return train_for_exit_code(*agent, world, program.settings, options, metadata ? &*metadata : nullptr,
                                changes);
 }

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "agents/agent.h"
-#include "agents/memory.h"
+#include "agents/off_policy_memory.h"
 #include "settings/config.h"
 #include "settings/run_config.h"
 #include "train/training.h"
@@ -32,7 +32,7 @@ struct TrainingProgram {
     /// With train.overlap update() only starts the learning, which continues beside the decisions that
     /// follow: it is called before each of them, as without overlap.
     bool learns_beside = false;
-    std::function<std::string()> schedule_over_run{};  // see AgentSpec
+    std::function<std::string()> schedule_over_run = [] { return std::string(); };  // see AgentSpec
     /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
     std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
 };
@@ -41,24 +41,6 @@ struct TrainingProgram {
 /// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
 /// 130 interrupted after a checkpoint. Every error is one sentence on stderr.
 int run_program(const TrainingProgram& program, int argc, const char* const* argv);
-
-/// Agents whose settings declare so: see TrainingProgram::several_processes.
-template <class AgentConfig>
-concept TrainsInSeveralProcesses = requires {
-    requires AgentConfig::kSeveralProcesses;
-};
-/// Agents whose settings declare so: see TrainingProgram::learns_beside.
-template <class AgentConfig>
-concept LearnsBeside = requires {
-    requires AgentConfig::kLearnsBeside;
-};
-
-/// Returns the key of the setting by which a schedule lasts for the whole run, or "". See AgentSpec.
-template <class AgentConfig>
-std::string find_schedule_over_run(const AgentConfig& config) {
-    if constexpr (requires { schedule_over_run(config); }) return std::string(schedule_over_run(config));
-    return "";
-}
 
 /// The main() of a training program in one call, in the world of `WorldConfig`: see train/training_world.h.
 template <class WorldConfig = EnvConfig, class AgentConfig>
@@ -77,16 +59,21 @@ int run_program(const std::string& agent_name, const std::string& description,
         .world = [&] { return training_world(config.env, config.eval); },
         .spec = [&] { return spec_of(config.env, config.train); },
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
-        .several_processes = TrainsInSeveralProcesses<AgentConfig>,
-        .learns_beside = LearnsBeside<AgentConfig>,
-        .schedule_over_run = [&] { return find_schedule_over_run(config.agent); },
+        .several_processes = requires {requires AgentConfig::kSeveralProcesses;
+}
+, .learns_beside = requires {
+    requires AgentConfig::kLearnsBeside;
+}
+,
+};  // namespace cale
+if constexpr (requires { schedule_over_run(config.agent); })
+    program.schedule_over_run = [&] { return std::string(schedule_over_run(config.agent)); };
+if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
+    program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
+        check_memory(config.agent, spec, available);
     };
-    if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
-        program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
-            check_memory(config.agent, spec, available);
-        };
-    }
-    return run_program(program, argc, argv);
+}
+return run_program(program, argc, argv);
 }
 
 }  // namespace cale

@@ -214,6 +214,8 @@ void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
     // In this order: a run that is killed in an evaluation repeats it.
     if (passed(before, state_.step, eval.every) && state_.step < train.total_steps)
         state_.evaluation_due = !run_evaluation();
+    // So that this run, if it is made longer, plays an evaluation that is cut off at its end.
+    if (state_.step >= train.total_steps) state_.evaluation_due = last_evaluation_due();
     if (checkpoint_due(before)) write_scheduled_checkpoint();
     if (files_) files_->checkpoints.check();
     stop_ = agreed_to_stop(together);
@@ -231,8 +233,7 @@ Outcome Recorder::finish() {
     const bool evaluated = state_.score && state_.score->evaluated;
     if (written_step_ != state_.step) {
         if (complete) {
-            // So that this run, if it is made longer, plays what is cut off now.
-            state_.evaluation_due = last_evaluation_due() && !evaluated;
+            state_.evaluation_due = last_evaluation_due() && !evaluated;  // see after_step()
             write_scheduled_checkpoint();
         } else {
             write_checkpoint();
@@ -324,9 +325,11 @@ void Recorder::write_row(bool to_tensorboard) {
     files_->speed = {state_.step, seconds};
 }
 
-/// A resumed agent knows those of its newest update only when it has made another.
+/// Until a resumed agent has made an update, those of the checkpoint.
 std::map<std::string, double> Recorder::newest_metrics() {
     auto metrics = agent_.metrics();
+    const auto is_loss = [](const auto& metric) { return metric.first.starts_with("losses/"); };
+    if (std::ranges::any_of(metrics, is_loss)) state_.metrics.clear();
     metrics.merge(collector_.metrics());
     metrics.insert(state_.metrics.begin(), state_.metrics.end());
     check_finite(metrics, state_, options_.run_dir);

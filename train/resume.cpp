@@ -56,4 +56,8 @@ std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view
     return newest;
 }
 
+std::optional<std::int64_t> newest_checkpoint(const fs::path& run) {
+    return newest_step(run / "checkpoints", "");
+}
+
 }  // namespace cale

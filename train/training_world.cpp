@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "cale/fields.h"
 #include "cale/games.h"
 #include "cale/random_play.h"
 #include "cale/real_time.h"
@@ -15,7 +16,7 @@ namespace {
 PolicyInfo policy_info(const EnvConfig& env) {
     PolicyInfo info;
     info.game = game_names(env.game);
-    info.action_space = names_of(ActionSet{})[static_cast<std::size_t>(env.action_space)];
+    info.action_space = name_of(env.action_space);
     if (env.action_space != ActionSet::continuous) {
         const Env game(config_of(env, 0), /*seed=*/0);
         info.actions.assign(game.actions().begin(), game.actions().end());
@@ -56,9 +57,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
     const auto facts = [env](const ActionSpace& actions) {
         const auto joystick = coordinates(env);
         const auto chosen_by =
-            joystick == Joystick::polar
-                ? std::string()
-                : fmt::format(" ({})", names_of(joystick)[static_cast<std::size_t>(joystick)]);
+            joystick == Joystick::polar ? std::string() : fmt::format(" ({})", name_of(joystick));
         std::vector<std::pair<std::string, std::string>> lines{
             {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
                                      env.terminal_on_life_loss ? "ends an episode" : "does not matter")},

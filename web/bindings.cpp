@@ -140,6 +140,7 @@ EMSCRIPTEN_BINDINGS(cale) {
     emscripten::class_<Session>("Session")
         .constructor()
         .property("hasGame", &Session::has_game)
+        .property("hasRom", &Session::has_rom)
         .property("screenHeight", &Session::screen_height)
         .property("screenWidth", &Session::screen_width)
         .function("loadPolicy", &load_policy)

@@ -65,7 +65,8 @@ void Session::load_policy(std::string_view contents, const std::string& name) {
     const auto there = std::ranges::find_if(games_, [](const Game* game) {
         return std::filesystem::exists(std::filesystem::path(kRoms) / (std::string(game->rom) + ".bin"));
     });
-    trained.game = (there == games_.end() ? games_.front() : *there)->rom;
+    has_rom_ = there != games_.end();
+    trained.game = (has_rom_ ? *there : games_.front())->rom;
     trained.rom_dir = kRoms;
     trained.action_space = ActionSet::continuous;
     trained.joystick = Joystick::polar;
@@ -93,6 +94,7 @@ void Session::insert_rom(std::string_view bytes) {
         throw std::runtime_error("this is the ROM of " + display_name(found) + ", but " + plays);
     std::filesystem::rename(dropped, std::filesystem::path(kRoms) / (found + ".bin"));
     trained_.game = found;
+    has_rom_ = true;
 }
 
 void Session::start(std::string_view changes, std::uint64_t seed) {
@@ -149,10 +151,8 @@ const Moment& Session::step(const std::optional<ContinuousAction>& hand) {
         },
         frame_);
     keep_frame();
-    const auto& result = moment_.result;
-    if (result.terminal || result.truncated) stack_->clear(0);
-    stack_->push(0, frame_);
-    moment_.episode_return += static_cast<double>(result.reward);
+    stack_->follow(0, moment_.result, frame_);
+    moment_.episode_return += static_cast<double>(moment_.result.reward);
     ++moment_.steps;
     return moment_;
 }

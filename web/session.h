@@ -43,6 +43,8 @@ class Session {
     void insert_rom(std::string_view bytes);
 
     bool has_game() const { return env_.has_value(); }
+    /// Returns whether the ROM of the policy's game, or of one of its games, was dropped.
+    bool has_rom() const { return has_rom_; }
     const PolicyInfo& info() const { return policy().info(); }
     /// Returns how the numbers of output() are to be read.
     Head::Kind head() const { return head_; }
@@ -84,6 +86,7 @@ class Session {
     Head::Kind head_ = Head::Kind::values;
     EnvConfig trained_;
     std::vector<const Game*> games_;  // the policy's
+    bool has_rom_ = false;            // of one of them
     std::optional<Env> env_;
     std::optional<FrameStack> stack_;
     std::mt19937_64 random_;  // the policy's draws

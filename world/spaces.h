@@ -61,6 +61,12 @@ struct ObservationSpace {
         for (const auto extent : shape) size *= extent;
         return size;
     }
+    /// Returns the shape of observations in a tensor: the sizes `before`, the stack, then those of an array.
+    std::vector<std::int64_t> tensor_shape(std::vector<std::int64_t> before = {}) const {
+        before.push_back(stack);
+        before.insert(before.end(), shape.begin(), shape.end());
+        return before;
+    }
     bool operator==(const ObservationSpace&) const = default;
 };
 

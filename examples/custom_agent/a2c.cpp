@@ -21,9 +21,10 @@ enum Stream : std::uint64_t { kInitialValues, kActing, kEvaluation };
 
 PpoNetwork make_network(const A2cConfig& config, const AgentSpec& spec) {
     PpoNetwork network(
-        PpoNetworkConfig{.encoder = {.encoder = config.encoder, .observation = observation_shape(spec)},
-                         .torso = Torso::two_branch,
-                         .hidden_layers = 0},
+        PpoNetworkConfig{
+            .encoder = {.encoder = config.encoder, .observation = spec.observation.tensor_shape()},
+            .torso = Torso::two_branch,
+            .hidden_layers = 0},
         num_actions(spec.action_space), make_generator(stream_seed(spec.seed, kInitialValues)));
     network->to(spec.device);
     return network;
@@ -39,8 +40,7 @@ class A2c final : public Agent {
                 {.learning_rate = config.learning_rate, .epsilon = config.adam_epsilon}),
           rollout_({.length = config.rollout_length,
                     .num_envs = spec.num_envs,
-                    .stack = spec.observation.stack,
-                    .frame_shape = spec.observation.shape,
+                    .observation = spec.observation,
                     .action_size = 0}),
           acting_random_(make_generator(stream_seed(spec.seed, kActing))),
           evaluation_random_(make_generator(stream_seed(spec.seed, kEvaluation))) {}

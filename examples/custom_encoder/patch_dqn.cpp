@@ -16,7 +16,7 @@ PatchNetwork make_network(const PatchDqnConfig& config, const cale::AgentSpec& s
     const auto generator = cale::initial_values(spec);
     const cale::QHeadConfig head{.num_actions = cale::num_actions(spec.action_space),
                                  .hidden_units = config.hidden_units};
-    PatchNetwork network(cale::observation_shape(spec), config.channels, head, generator);
+    PatchNetwork network(spec.observation.tensor_shape(), config.channels, head, generator);
     network->to(spec.device);
     return network;
 }

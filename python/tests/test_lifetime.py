@@ -91,6 +91,34 @@ def test_a_forked_process_is_refused_with_a_sentence_and_the_parent_goes_on():
     assert [line[:len(refused)] for line in ended.stdout.splitlines()] == [refused, refused, "7"]
 
 
+def test_a_process_forked_while_a_thread_acts_uses_the_policy_and_ends():
+    policy = pathlib.Path(__file__).parents[2] / "policies/road_runner_sac.safetensors"
+    ended = run(f"""
+        import os, sys, threading, time, cale, numpy
+        policy = cale.Policy({str(policy)!r})
+        observations = numpy.zeros((64, *policy.info["observation_shape"]), numpy.uint8)
+        stop = threading.Event()
+        def act():
+            while not stop.is_set():
+                policy.act(observations)
+        thread = threading.Thread(target=act, daemon=True)
+        thread.start()
+        time.sleep(0.1)
+        for _ in range(10):
+            child = os.fork()
+            if child == 0:
+                policy.seed(1)
+                policy.act(observations)
+                sys.exit(7)
+            _, status = os.waitpid(child, 0)
+            assert os.waitstatus_to_exitcode(status) == 7
+        stop.set()
+        thread.join()
+        print("end")
+    """)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "end\n", "")
+
+
 def test_processes_of_gymnasiums_async_vector_environment():
     import gymnasium
 

@@ -258,6 +258,24 @@ TEST_P(EveryAgent, EvaluationLeavesTrainingAsItIs) {
     expect_equal(first, second);
 }
 
+class EveryActor : public EveryAgent {};
+
+INSTANTIATE_TEST_SUITE_P(Table, EveryActor,
+                         testing::Values(sac(), sacd(), ppo("PpoWithTheJoystick", 0),
+                                         ppo("PpoWithActions", kNumActions)),
+                         name_of);
+
+TEST_P(EveryActor, SaysThatItHasDiverged) {
+    const auto agent = make(world());
+    auto state = agent->state();
+    for (auto& [name, tensor] : state)
+        if (name.starts_with("network/") && name.ends_with("bias"))
+            tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
+    agent->load_state(state);
+    EXPECT_THAT([&] { agent->act(noise_frames(1, 1), ActMode::evaluate); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("the actor's output is not finite")));
+}
+
 TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
     Settings settings;
     settings.replay.update_horizon = 3;

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "cale/fields.h"
 #include "cale/joystick.h"
 #include "message_of.h"
 
@@ -113,8 +114,7 @@ TEST(Joystick, SpacesHaveTheirCoordinatesNamesAndLandmarks) {
         for (std::size_t i = 0; i < box.landmarks.size(); i += size)
             reached.insert(
                 joystick_event(cale::stick(joystick, std::span(box.landmarks).subspan(i, size)), 0.5F));
-        EXPECT_THAT(reached, testing::SizeIs(18))
-            << cale::names_of(joystick)[static_cast<std::size_t>(joystick)];
+        EXPECT_THAT(reached, testing::SizeIs(18)) << cale::name_of(joystick);
     }
     const auto discrete = std::get<cale::Discrete>(cale::joystick_space(Joystick::factored));
     EXPECT_EQ(discrete.n, 18);

@@ -14,7 +14,7 @@ constexpr std::int64_t kStack = 4;
 
 /// One episode of seven steps on frames of one pixel, 1 to 7, with rewards 10 to 70.
 DopamineRollout seven_steps(std::int64_t length) {
-    DopamineRollout rollout({.length = length, .stack = kStack, .frame_shape = {1, 1}, .action_size = 0});
+    DopamineRollout rollout({.length = length, .observation = {kStack, {1, 1}}, .action_size = 0});
     for (int step = 1; step <= 7; ++step) {
         rollout.set_observations(torch::full({1, kStack, 1, 1}, step, torch::kUInt8));
         StepResult result;

@@ -13,12 +13,7 @@ constexpr std::array<std::array<const char*, 2>, 3> kFiles{
     {{"replay.zst", "CALE-RPL"}, {"frames-open.zst", "CALE-FRM"}, {"transitions-open.zst", "CALE-TRN"}}};
 
 cale::ReplayConfig config() {
-    return {.capacity = 64,
-            .num_envs = 2,
-            .stack = 2,
-            .frame_shape = {1, 4},
-            .action_size = 0,
-            .prioritised = true};
+    return {.capacity = 64, .num_envs = 2, .observation = {2, {1, 4}}, .action_size = 0, .prioritised = true};
 }
 
 }  // namespace

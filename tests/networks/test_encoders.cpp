@@ -1,3 +1,4 @@
+#include "cale/fields.h"
 #include "networks/encoders.h"
 #include "networks/ppo_network.h"
 #include "networks/q_network.h"
@@ -211,8 +212,7 @@ TEST(Encoder, ConvolutionsOfBytesAreRefusedWithTheWayOut) {
             make({.encoder = kind, .observation = {4, 128}});
             ADD_FAILURE() << "accepted";
         } catch (const std::invalid_argument& error) {
-            EXPECT_EQ(error.what(), "agent.encoder " +
-                                        std::string(names_of(kind)[static_cast<std::size_t>(kind)]) +
+            EXPECT_EQ(error.what(), "agent.encoder " + std::string(name_of(kind)) +
                                         " convolves frames, and an observation is [4, 128] bytes: set "
                                         "agent.encoder to mlp or flat, or env.obs to pixels");
         }

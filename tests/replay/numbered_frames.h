@@ -48,8 +48,7 @@ inline std::ostream& operator<<(std::ostream& out, const NumberedTransition& t) 
 inline ReplayConfig numbered_config() {
     ReplayConfig config;
     config.capacity = 100;
-    config.stack = 3;
-    config.frame_shape = {1, 4};
+    config.observation = {3, {1, 4}};
     config.action_size = 0;
     config.gamma = 0.5;
     return config;
@@ -140,7 +139,7 @@ class Fuzz {
         ReplayConfig config = numbered_config();
         config.capacity = 1 + below(40);
         config.num_envs = 1 + below(3);
-        config.stack = 1 + below(4);
+        config.observation.stack = 1 + below(4);
         config.update_horizon = 1 + below(4);
         config.replay_terminal = below(2) == 0 ? ReplayTerminal::corrected : ReplayTerminal::dopamine;
         return config;

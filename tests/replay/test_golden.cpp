@@ -46,7 +46,7 @@ TEST(ReplayGolden, DopamineRule) {
             ReplayConfig config = numbered_config();
             config.update_horizon = std::stoll(key.substr(1));
             config.gamma = file["gamma"].as<double>();
-            config.stack = file["stack"].as<std::int64_t>();
+            config.observation.stack = file["stack"].as<std::int64_t>();
             config.replay_terminal = ReplayTerminal::dopamine;
             config.capacity = static_cast<std::int64_t>(entry.second.size() + file["script"].size());
             ReplayBuffer replay(config);

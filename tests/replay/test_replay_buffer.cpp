@@ -44,7 +44,7 @@ class NaiveReplay {
     using Episode = std::vector<NumberedStep>;
 
     std::vector<std::uint32_t> stack(const Episode& episode, std::size_t end) const {
-        std::vector<std::uint32_t> frames(static_cast<std::size_t>(config_.stack), 0);
+        std::vector<std::uint32_t> frames(static_cast<std::size_t>(config_.observation.stack), 0);
         for (std::size_t i = 0; i < frames.size() && i < end; ++i)
             frames[frames.size() - 1 - i] = episode[end - 1 - i].frame;
         return frames;
@@ -84,7 +84,7 @@ class NaiveReplay {
 
     void dopamine(const Episode& episode) {
         const auto horizon = static_cast<std::size_t>(config_.update_horizon);
-        const auto window = static_cast<std::size_t>(config_.update_horizon + config_.stack);
+        const auto window = static_cast<std::size_t>(config_.update_horizon + config_.observation.stack);
         const bool terminal = episode.back().terminal;
         Episode deque(episode.end() - static_cast<std::ptrdiff_t>(std::min(window, episode.size())),
                       episode.end());

@@ -309,9 +309,9 @@ TEST_F(DamagedReplayFile, IsRefusedUnderAnotherConfiguration) {
     };
     refused([](auto& c) { c.capacity = 13; }, "agent.replay_capacity", "12", "13");
     refused([](auto& c) { c.num_envs = 1; }, "env.num_envs", "2", "1");
-    refused([](auto& c) { c.stack = 4; }, "stack", "3", "4");
-    refused([](auto& c) { c.frame_shape[0] = 2; }, "frame_height", "1", "2");
-    refused([](auto& c) { c.frame_shape[1] = 5; }, "frame_width", "4", "5");
+    refused([](auto& c) { c.observation.stack = 4; }, "stack", "3", "4");
+    refused([](auto& c) { c.observation.shape[0] = 2; }, "frame_height", "1", "2");
+    refused([](auto& c) { c.observation.shape[1] = 5; }, "frame_width", "4", "5");
     refused([](auto& c) { c.action_size = 3; }, "action_size", "0", "3");
     refused([](auto& c) { c.update_horizon = 1; }, "agent.update_horizon", "3", "1");
     refused([](auto& c) { c.gamma = 0.25; }, "agent.gamma", "0.5", "0.25");

@@ -19,7 +19,7 @@ constexpr std::int64_t kStack = 3;
 
 /// Three steps of two environments whose frames are of two pixels.
 RolloutConfig small_config() {
-    return {.length = 3, .num_envs = 2, .stack = kStack, .frame_shape = {1, 2}, .action_size = 3};
+    return {.length = 3, .num_envs = 2, .observation = {kStack, {1, 2}}, .action_size = 3};
 }
 
 /// Stacks that tell from their pixels which step, environment and frame they are: 40 t + 10 env + frame.

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <stdexcept>
+#include <string>
 
 #include "cale/random_play.h"
 #include "report/csv.h"
@@ -100,6 +102,33 @@ TEST_F(Comparing, SaysWhatAReaderMustKnow) {
     EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("b2 is unfinished")));
     EXPECT_THAT(lines_of(comparison.notes), Not(Contains(HasSubstr("b1"))));
     EXPECT_FALSE(comparison.is_complete());
+}
+
+TEST_F(Comparing, SaysWhatTheSettingsOfRunsMakeOfTheirScores) {
+    folders_.run("a", "sac", "Pong", 1, {-20}, "train: {total_steps: 100}\nagent: {min_replay: 100}\n");
+    folders_.run("b", "dqn", "Pong", 1, {-20, -20},
+                 "train: {total_steps: 200}\nagent: {min_replay: 100}\nenv: {action_space: minimal, "
+                 "max_frames_per_episode: 4000}\n");
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    const auto lines = lines_of(compared({}, config).notes);
+    EXPECT_THAT(lines,
+                Contains("Groups have runs of different lengths, in agent steps: 100 (sac), 200 (dqn)."));
+    EXPECT_THAT(lines, Contains(testing::MatchesRegex("Games are cut off earlier .*: dqn\\.")));
+    EXPECT_THAT(lines, Contains(testing::MatchesRegex("Runs end before the first update .*: sac\\.")));
+}
+
+TEST_F(Comparing, TheBestMeanIsBoldUnlessAllShareIt) {
+    for (const auto* game : {"Pong", "Boxing"}) {
+        folders_.run(fmt::format("a_{}", game), "sac", game, 1, {1});
+        folders_.run(fmt::format("b_{}", game), "dqn", game, 1, {game == std::string("Pong") ? 1.0 : 0.5});
+    }
+    const auto table = game_table(compared());
+    const auto bold = [&](std::size_t row) { return std::ranges::count(table.best.at(row), true); };
+    EXPECT_THAT(table.rows.at(0).front(), "Boxing");
+    EXPECT_EQ(bold(0), 1);
+    EXPECT_TRUE(table.best[0].back()) << "sac";
+    EXPECT_EQ(bold(1), 0);
 }
 
 TEST_F(Comparing, BaselinesNeedAllTheGames) {
@@ -265,6 +294,17 @@ TEST(Tables, AreLatexToo) {
 TEST(Tables, ANameInBracketsIsNoOptionOfLatex) {
     const Table table{.header = {"group"}, .rows = {{"[1] SAC"}}};
     EXPECT_THAT(to_latex(table), testing::HasSubstr("\n{[}1] SAC \\\\\n"));
+}
+
+TEST(Tables, AreMarkdownToo) {
+    const Table table{
+        .header = {"group", "a_b"}, .rows = {{"x | y", "-0.5 [-0.6, 1]"}}, .best = {{false, true}}};
+    EXPECT_EQ(to_markdown(table), "| group | a\\_b |\n|---|---:|\n| x \\| y | **-0.5 [-0.6, 1]** |\n");
+}
+
+TEST(Csv, AFolderIsNoTable) {
+    EXPECT_THAT([] { read_whole_csv("/tmp"); },
+                testing::ThrowsMessage<std::runtime_error>("cannot read /tmp: Is a directory"));
 }
 
 TEST(Csv, QuotesWhatNeedsIt) {

@@ -143,7 +143,7 @@ TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {
         return compare(std::move(runs), {}, config);
     };
     const auto comparison = beside({"der"});
-    EXPECT_THAT(labels_of(comparison), ElementsAre("der", "mine"));
+    EXPECT_THAT(labels_of(comparison), ElementsAre("mine", "der"));
     EXPECT_THAT(comparison.games, testing::SizeIs(1));
     EXPECT_THAT(comparison.missing_runs, IsEmpty()) << "their seeds are no one else's";
     mine.run("p", "sac", "Breakout", 1, {20}, kRules);
@@ -176,7 +176,7 @@ TEST_F(Recorded, GroupsCanBeGivenNames) {
     auto both = found();
     std::ranges::move(read_recorded_runs(table(), {"der"}), std::back_inserter(both.runs));
     config.names = {{"der", "mine"}};
-    EXPECT_THAT(labels_of(compare(std::move(both), {}, config)), ElementsAre("der", "mine", "sac"));
+    EXPECT_THAT(labels_of(compare(std::move(both), {}, config)), ElementsAre("mine", "sac", "der"));
 }
 
 TEST_F(Recorded, SaysWhatIsWrongWithATable) {

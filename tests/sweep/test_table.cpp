@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "cale/fields.h"
+
 namespace cale {
 namespace {
 
@@ -49,6 +51,12 @@ TEST(SweepTable, HasALineForEachRunAndWhyOneFailed) {
                     "Pong__sac__3      running               200/1000      30.0          -      0:27\n"));
     EXPECT_THAT(text, testing::HasSubstr("failed                100/1000         -          -         -\n"
                                          "  exit code 1: it broke\n"));
+}
+
+TEST(SweepTable, SaysThatARunPlaysItsLastEvaluation) {
+    const std::vector rows{row("a", {.state = RunPhase::running, .step = 1000, .steps_per_second = 20})};
+    EXPECT_THAT(table(rows, 200),
+                testing::HasSubstr("evaluating           1000/1000         -          -         -"));
 }
 
 TEST(SweepTable, SaysAllThatARunIsRefusedFor) {

@@ -55,7 +55,7 @@ class Rememberer : public Agent {
     std::int64_t steps = 0;
 
   private:
-    ReplayBuffer replay_{{.capacity = 64, .frame_shape = {2, 2}, .action_size = 0}};
+    ReplayBuffer replay_{{.capacity = 64, .observation = {4, {2, 2}}, .action_size = 0}};
 };
 
 class Checkpoints : public testing::Test {

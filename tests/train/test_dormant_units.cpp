@@ -47,7 +47,7 @@ class OfFourUnits final : public Agent {
 
   private:
     std::unique_ptr<Replay> replay_ =
-        make_replay({.capacity = 10, .stack = 1, .frame_shape = {2}, .action_size = 0}, std::nullopt);
+        make_replay({.capacity = 10, .observation = {1, {2}}, .action_size = 0}, std::nullopt);
 };
 
 TEST(DormantShare, CountsTheUnitsFarBelowTheMeanOfTheirLayer) {

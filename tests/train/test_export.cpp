@@ -138,9 +138,7 @@ torch::Tensor game_observations(EnvConfig config, std::int64_t count) {
     FrameStack stack(1, static_cast<std::size_t>(space.stack), static_cast<std::size_t>(space.frame_size()));
     std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));
     env.reset(frame);
-    auto shape = space.shape;
-    shape.insert(shape.begin(), {count, space.stack});
-    auto observations = torch::empty(shape, torch::kUInt8);
+    auto observations = torch::empty(space.tensor_shape({count}), torch::kUInt8);
     StepResult result;
     for (std::int64_t i = 0; i < count; ++i) {
         stack.push(0, frame);

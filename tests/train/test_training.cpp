@@ -531,7 +531,11 @@ TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
         EXPECT_TRUE(fs::exists(folder.path() / "eval" / csv)) << csv;
 }
 
-TEST_F(TrainingEmulator, AnInterruptedLastEvaluationIsPlayedByALongerRun) {
+// With a checkpoint on the last step and without.
+class InterruptedEndEmulator : public TrainingEmulator, public testing::WithParamInterface<std::int64_t> {};
+INSTANTIATE_TEST_SUITE_P(CheckpointEvery, InterruptedEndEmulator, testing::Values(150, 100));
+
+TEST_P(InterruptedEndEmulator, TheLastEvaluationIsPlayedByALongerRun) {
     struct InterruptedInLastEvaluation : ScribeAgent {
         using ScribeAgent::ScribeAgent;
         torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
@@ -540,6 +544,7 @@ TEST_F(TrainingEmulator, AnInterruptedLastEvaluationIsPlayedByALongerRun) {
         }
     } agent(1);
     train_config.total_steps = 100;
+    train_config.checkpoint_every = GetParam();
     eval.every = 50;
     eval.video = false;
     EXPECT_EQ(train(agent), Outcome::interrupted);

@@ -80,8 +80,9 @@ export class Hand {
         const reach = far <= deadZone ? 0 : Math.min(1, (far - deadZone) / (1 - deadZone)) / far;
         this.#pad = {
             x: reach * x, y: -reach * down, fire: [0, 1, 2, 3].some(pressed), start: pressed(startButton),
+            moved: far > movedOnPurpose,
         };
-        if (far > movedOnPurpose || (this.#pad.fire && !before.fire)) this.take('pad');
+        if ((this.#pad.moved && !before.moved) || (this.#pad.fire && !before.fire)) this.take('pad');
         if (this.#pad.start && !before.start) this.giveBack();
     }
 

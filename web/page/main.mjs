@@ -14,7 +14,6 @@ const policyFile = 'policy.safetensors';
 let session, player, info;
 let options = fromHash(location.hash);
 let lives = 0;
-const roms = new Set();  // the games whose ROMs were dropped
 const hand = new Hand(showPlayer);
 const strip = new Strip();
 
@@ -56,7 +55,7 @@ function begin() {
 function restart() {
     say('');
     history.replaceState(null, '', toHash(options));
-    if (!roms.has(info?.game)) return;
+    if (!session?.hasRom) return;
     try {
         begin();
     } catch (error) {
@@ -187,7 +186,7 @@ function usePolicy(bytes, name) {
     info = session.info();
     showPolicy();
     makeSliders();
-    if (roms.has(info.game)) return restart();
+    if (session.hasRom) return restart();
     invite(`Drop the ROM of ${info.game.replaceAll('+', ' or ')} here`,
         'or choose its file. It stays in this browser; none comes with the page. Any cale policy file can be dropped, too.');
 }
@@ -199,7 +198,6 @@ async function take(file) {
         const bytes = new Uint8Array(await file.arrayBuffer());
         if (file.name.endsWith('.safetensors')) return usePolicy(bytes, file.name);
         session.insertRom(bytes);
-        roms.add(info.game);
         pause(false);
         begin();
     } catch (error) {

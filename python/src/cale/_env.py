@@ -114,7 +114,7 @@ class Env(gymnasium.Env):
 
     def action_meanings(self) -> list[str]:
         """Returns the joystick events of discrete actions; nothing for the continuous joystick."""
-        return self._core.events(0)
+        return self._core.events()
 
     def close(self) -> None:
         """Ends the environment."""
