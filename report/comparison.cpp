@@ -213,10 +213,13 @@ void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
     for (std::size_t x = 0; x < comparison.results.size(); ++x) {
         for (std::size_t y = x + 1; y < comparison.results.size(); ++y) {
             if (any_own && is_recorded(comparison.groups[x]) && is_recorded(comparison.groups[y])) continue;
+            const auto &first = comparison.results[x], &second = comparison.results[y];
             comparison.improvements.push_back(
-                {x, y,
-                 probability_of_improvement(comparison.results[x].scores, comparison.results[y].scores,
-                                            comparison.config.bootstrap)});
+                {.x = x,
+                 .y = y,
+                 .probability =
+                     probability_of_improvement(first.scores, second.scores, comparison.config.bootstrap),
+                 .has_interval = first.has_interval() && second.has_interval()});
         }
     }
 }

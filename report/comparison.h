@@ -57,6 +57,7 @@ struct Improvement {
     std::size_t x = 0;
     std::size_t y = 0;
     Estimate probability{};
+    bool has_interval = false;  // both have several runs in every game
 };
 
 /// A caveat that a reader must know to interpret a figure.

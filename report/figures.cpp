@@ -160,9 +160,9 @@ Picture improvement_figure(const Comparison& comparison) {
     const auto pairs =
         std::span(comparison.improvements).first(std::min(comparison.improvements.size(), kMostPairs));
     std::vector<std::string> firsts, seconds;
-    for (const auto& [x, y, probability] : pairs) {
-        firsts.push_back(comparison.results[x].label);
-        seconds.push_back(comparison.results[y].label);
+    for (const auto& pair : pairs) {
+        firsts.push_back(comparison.results[pair.x].label);
+        seconds.push_back(comparison.results[pair.y].label);
     }
     const double left = kMargin + std::max(60.0, widest(firsts, kLabelSize)) + 14;
     const Panel panel{.left = left,
@@ -181,12 +181,9 @@ Picture improvement_figure(const Comparison& comparison) {
     picture.words.push_back({"Y", {panel.right + 14, kTop - 12}, kInk, kLabelSize, Anchor::start, true});
     for (std::size_t i = 0; i < firsts.size(); ++i) {
         const double y = kTop + kRow * (static_cast<double>(i) + 0.5);
-        const auto& [first, second, probability] = pairs[i];
         picture.words.push_back({firsts[i], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
         picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
-        draw_interval(picture, panel, probability, y,
-                      comparison.results[first].has_interval() || comparison.results[second].has_interval(),
-                      first);
+        draw_interval(picture, panel, pairs[i].probability, y, pairs[i].has_interval, pairs[i].x);
     }
     auto method = method_of(comparison, comparison.config.bootstrap.resamples);
     if (pairs.size() < comparison.improvements.size())

@@ -248,10 +248,10 @@ void add_aggregates(const Comparison& comparison, std::vector<TextFile>& files) 
         for (std::size_t m = 0; m < kMetricCount; ++m)
             aggregates.row(baseline.name, names[m], values[m].value, "", "", comparison.games.size(), "");
     CsvWriter improvements("probability_of_improvement.csv", {"x", "y", "probability", "low", "high"});
-    for (const auto& [x, y, probability] : comparison.improvements) {
-        const auto &first = comparison.results[x], &second = comparison.results[y];
-        const auto [low, high] = interval_cells(probability, first.has_interval() || second.has_interval());
-        improvements.row(first.label, second.label, probability.value, low, high);
+    for (const auto& pair : comparison.improvements) {
+        const auto [low, high] = interval_cells(pair.probability, pair.has_interval);
+        improvements.row(comparison.results[pair.x].label, comparison.results[pair.y].label,
+                         pair.probability.value, low, high);
     }
     aggregates.add_to(files);
     profiles.add_to(files);
@@ -321,12 +321,9 @@ Table aggregate_table(const Comparison& comparison) {
 
 Table improvement_table(const Comparison& comparison) {
     Table table{.name_columns = 2, .header = {"X", "Y", "P(X > Y)"}};
-    for (const auto& [x, y, probability] : comparison.improvements) {
-        const auto &first = comparison.results[x], &second = comparison.results[y];
-        table.rows.push_back(
-            {first.label, second.label,
-             estimate_text(probability, first.has_interval() || second.has_interval(), number_text)});
-    }
+    for (const auto& pair : comparison.improvements)
+        table.rows.push_back({comparison.results[pair.x].label, comparison.results[pair.y].label,
+                              estimate_text(pair.probability, pair.has_interval, number_text)});
     return table;
 }
 

@@ -107,7 +107,6 @@ def test_a_process_forked_while_a_thread_acts_uses_the_policy_and_ends():
         for _ in range(10):
             child = os.fork()
             if child == 0:
-                policy.seed(1)
                 policy.act(observations)
                 sys.exit(7)
             _, status = os.waitpid(child, 0)
