@@ -331,6 +331,7 @@ std::string lengths_text(const std::vector<Group>& groups) {
     }
     if (texts.size() < 2) return "";
     std::vector<std::string> parts;
+    parts.reserve(texts.size());
     for (const auto& [steps, text] : texts)
         parts.push_back(fmt::format("{} ({})", text, fmt::join(labels[text], "; ")));
     return fmt::format("{}", fmt::join(parts, ", "));
