@@ -93,7 +93,8 @@ Rows read_rows(const std::string& path) {
             cells.size() < 3 ? kJoysticks.end()
                              : std::ranges::find(kJoysticks, cells[2], &cale::name_of<cale::Joystick>);
         if (joystick == kJoysticks.end())
-            throw std::invalid_argument(path + " has a row without a game or a joystick: " + line);
+            throw std::invalid_argument(
+                fmt::format("{} has a row without a game or a joystick: {}", path, line));
         rows[{cells[0], cells[1], joystick - kJoysticks.begin()}] = line;
     }
     return rows;
