@@ -104,3 +104,8 @@ def test_wrappers_of_gymnasium_work():
     listed = gymnasium.wrappers.vector.DictInfoToList(cale.make_vec("pong", num_envs=2))
     _, infos = listed.reset(seed=1)
     assert len(infos) == 2 and infos[1]["lives"] == 0
+
+
+def test_the_meanings_of_actions_are_known_before_the_first_reset():
+    assert cale.Env("pong", action_space="minimal").action_meanings()[:2] == ["NOOP", "FIRE"]
+    assert cale.Env("pong").action_meanings() == []
