@@ -34,16 +34,18 @@ torch::Tensor CriticSettings::support() const {
 
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
-    const auto q = critic_values(outputs, support);
-    CriticTargets targets{.values = bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale)};
-    if (!support.defined()) return targets;
+    if (!support.defined()) {
+        const auto q = critic_values(outputs, support).estimate(estimate);
+        return {.values = bootstrapped(batch, q + bonus, reward_scale)};
+    }
     const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
+    const TwinValues q{p1.matmul(support), p2.matmul(support)};
     const auto next =
         estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
     // The entropy's part moves every atom by the same distance.
     const auto returns = bootstrapped(batch, support + bonus.unsqueeze(1), reward_scale);  // [B, atoms]
-    targets.distribution = project_distribution(returns, next, support);
-    return targets;
+    return {bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale),
+            project_distribution(returns, next, support)};
 }
 
 torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,

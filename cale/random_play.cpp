@@ -17,9 +17,12 @@ constexpr RandomPlay kScores[] = {
 // Dopamine cuts games off after 100,000 frames, the papers after 108,000: no difference to random play.
 constexpr std::int64_t kShortestCap = 100'000;
 
-/// The sixty games were.
-bool was_measured(const Game& game) {
-    return std::ranges::find(games(), game.name, &Game::name) != games().end();
+/// Null where it was not measured.
+const RandomPlay* find_play(std::string_view game, std::string_view protocol, Joystick joystick) {
+    const auto* const found = std::ranges::find_if(kScores, [&](const RandomPlay& play) {
+        return play.game == game && play.protocol == protocol && play.joystick == joystick;
+    });
+    return found == std::end(kScores) ? nullptr : found;
 }
 
 }  // namespace
@@ -38,11 +41,7 @@ std::span<const RandomPlay> joystick_random_scores() {
 }
 
 const RandomPlay& joystick_random(std::string_view game, std::string_view protocol, Joystick joystick) {
-    const auto name = find_game(game).name;
-    const auto* const found = std::ranges::find_if(kScores, [&](const RandomPlay& play) {
-        return play.game == name && play.protocol == protocol && play.joystick == joystick;
-    });
-    if (found != std::end(kScores)) return *found;
+    if (const auto* play = find_play(find_game(game).name, protocol, joystick)) return *play;
     throw std::invalid_argument("random play was not measured under a protocol '" + std::string(protocol) +
                                 "' with a joystick '" + std::string(name_of(joystick)) +
                                 "': the protocols are 200m and atari100k, the joysticks polar and cartesian");
@@ -67,17 +66,15 @@ std::optional<RandomPlay> joystick_random(const EnvConfig& config) {
     if (is_variant(config) || games_of(config.game).size() > 1) return std::nullopt;
     const EnvConfig measured = protocol_200m(config.game);
     const Game& game = find_game(config.game);
-    const auto joystick = coordinates(config);
-    const bool same_joystick = config.action_space == measured.action_space &&
-                               (joystick == Joystick::polar || joystick == Joystick::cartesian) &&
-                               config.threshold == measured.threshold &&
-                               config.event_map == measured.event_map && !moves(config.motion) &&
-                               (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
-    if (!same_joystick || !has_usual_length(config) || !was_measured(game)) return std::nullopt;
-    if (config.sticky_probability == measured.sticky_probability)
-        return joystick_random(game.name, "200m", joystick);
-    if (config.sticky_probability == 0) return joystick_random(game.name, "atari100k", joystick);
-    return std::nullopt;
+    const bool same_rules = config.action_space == measured.action_space &&
+                            config.threshold == measured.threshold &&
+                            config.event_map == measured.event_map && !moves(config.motion) &&
+                            (config.paddle_strength == measured.paddle_strength || !has_paddle(game));
+    const bool sticky = config.sticky_probability == measured.sticky_probability;
+    if (!same_rules || !has_usual_length(config) || (!sticky && config.sticky_probability != 0))
+        return std::nullopt;
+    const auto* const play = find_play(game.name, sticky ? "200m" : "atari100k", coordinates(config));
+    return play == nullptr ? std::nullopt : std::optional(*play);
 }
 
 std::optional<double> random_floor(const EnvConfig& config) {

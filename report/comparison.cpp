@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <iterator>
 #include <map>
 #include <optional>
@@ -319,21 +318,20 @@ std::string name_of(const Run& run) {
                : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
 }
 
-/// "1,000 agent steps (a; b), 100,000 (c)" where the runs of groups are of different lengths; else empty.
+/// "1000 (a; b), 100000 (c)", in agent steps, where the runs of groups are of different lengths; else empty.
 std::string lengths_text(const std::vector<Group>& groups) {
-    std::map<std::string, std::vector<std::string>> labels;  // by the text of a length
-    std::map<double, std::string> texts;                     // by length
+    std::map<std::int64_t, std::vector<std::string>> labels;
     for (const auto& group : groups) {
         double steps = 0;
         for (const auto& run : group.runs)
             steps = std::max(steps, run.total_steps > 0 ? run.total_steps : run.reached);
-        labels[texts[steps] = fmt::format("{:.0f}", steps)].push_back(group.label);
+        labels[std::llround(steps)].push_back(group.label);
     }
-    if (texts.size() < 2) return "";
+    if (labels.size() < 2) return "";
     std::vector<std::string> parts;
-    parts.reserve(texts.size());
-    for (const auto& [steps, text] : texts)
-        parts.push_back(fmt::format("{} ({})", text, fmt::join(labels[text], "; ")));
+    parts.reserve(labels.size());
+    for (const auto& [steps, of_them] : labels)
+        parts.push_back(fmt::format("{} ({})", steps, fmt::join(of_them, "; ")));
     return fmt::format("{}", fmt::join(parts, ", "));
 }
 
@@ -344,11 +342,6 @@ std::vector<std::string> groups_where(const Comparison& comparison, Is&& is) {
     for (const auto& group : comparison.groups)
         if (std::ranges::any_of(group.runs, is)) labels.push_back(group.label);
     return labels;
-}
-
-bool ends_before_first_update(const Run& run) {
-    const auto first = setting_of(run, "agent.min_replay");
-    return !first.empty() && run.total_steps > 0 && run.total_steps <= std::strtod(first.c_str(), nullptr);
 }
 
 std::vector<Note> notes_on_settings(const Comparison& comparison) {
@@ -362,7 +355,11 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
             "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
             "human-normalised scores are none of whole games: {}.",
             fmt::join(short_games, "; "))});
-    if (const auto untrained = groups_where(comparison, ends_before_first_update); !untrained.empty())
+    const auto untrained = groups_where(comparison, [](const Run& run) {
+        return run.total_steps > 0 &&
+               ends_before_first_update(setting_of(run, "agent.min_replay"), run.total_steps);
+    });
+    if (!untrained.empty())
         notes.push_back({fmt::format(
             "Runs end before the first update (agent.min_replay), so that nothing was learned: {}.",
             fmt::join(untrained, "; "))});

@@ -522,8 +522,7 @@ std::string floor_sentence(const Comparison& comparison) {
     if (std::ranges::none_of(comparison.random_floors, of_joystick)) return "";
     return " Runs with the continuous joystick compare with “random joystick”: uniformly random "
            "actions in polar or cartesian coordinates, as measured. “random (published)” is the literature's "
-           "random agent, with "
-           "discrete actions.";
+           "random agent, with discrete actions.";
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ std::string html_table(const Table& table, std::string_view caption) {
             if (column < table.name_columns) {
                 html += fmt::format("<th scope=\"row\" class=\"name\">{}</th>", text);
             } else {
-                const bool best = !table.best.empty() && table.best[i][column];
+                const bool best = table.is_bold(i, column);
                 html += fmt::format("<td{}>{}</td>", best ? " class=\"best\"" : "", text);
             }
         }

@@ -518,6 +518,10 @@ std::string setting_of(const Run& run, const std::string& key) {
     return found == run.settings.end() ? std::string() : found->second;
 }
 
+bool ends_before_first_update(const std::string& min_replay, double total_steps) {
+    return !min_replay.empty() && total_steps <= std::strtod(min_replay.c_str(), nullptr);
+}
+
 std::optional<double> score_at(const Run& run, double step) {
     const auto next = std::ranges::upper_bound(run.steps, step);
     if (next == run.steps.begin()) return std::nullopt;

@@ -438,8 +438,7 @@ std::string to_latex(const Table& table) {
     write(table.header, [](std::size_t) { return false; });
     latex += "\\midrule\n";
     for (std::size_t i = 0; i < table.rows.size(); ++i)
-        write(table.rows[i],
-              [&](std::size_t column) { return !table.best.empty() && table.best[i][column]; });
+        write(table.rows[i], [&](std::size_t column) { return table.is_bold(i, column); });
     return latex + "\\bottomrule\n\\end{tabular}\n";
 }
 
@@ -457,8 +456,7 @@ std::string to_markdown(const Table& table) {
         text += column < table.name_columns ? "|---" : "|---:";
     text += "|\n";
     for (std::size_t i = 0; i < table.rows.size(); ++i)
-        write(table.rows[i],
-              [&](std::size_t column) { return !table.best.empty() && table.best[i][column]; });
+        write(table.rows[i], [&](std::size_t column) { return table.is_bold(i, column); });
     return text;
 }
 

@@ -14,6 +14,8 @@ struct Table {
     std::vector<std::string> header{};
     std::vector<std::vector<std::string>> rows{};
     std::vector<std::vector<bool>> best{};  // by row and column: shown bold; empty: none
+
+    bool is_bold(std::size_t row, std::size_t column) const { return !best.empty() && best[row][column]; }
 };
 
 /// A row per group and baseline: IQM, median, mean and optimality gap with their intervals, games, runs.

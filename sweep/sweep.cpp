@@ -13,7 +13,6 @@
 #include <unistd.h>
 
 #include "cale/fields.h"
-#include "cale/text.h"
 #include "report/runs.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
@@ -189,9 +188,9 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
     return exit_code;
 }
 
-bool ends_before_first_update(const PlannedRun& planned) {
+bool makes_no_update(const PlannedRun& planned) {
     const auto* const first = planned_value(planned, "agent.min_replay");
-    return first != nullptr && planned.total_steps <= number_in<std::int64_t>(*first).value_or(0);
+    return first != nullptr && ends_before_first_update(*first, static_cast<double>(planned.total_steps));
 }
 
 // ---- searches -----------------------------------------------------------------------
@@ -248,7 +247,7 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     make_folder(folder, all_runs, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
                runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
-    if (const auto count = std::ranges::count_if(runs, ends_before_first_update); count > 0)
+    if (const auto count = std::ranges::count_if(runs, makes_no_update); count > 0)
         fmt::print(stderr, "note: {} of them make no update: they end before agent.min_replay\n", count);
     search.train = [&](std::span<const PlannedRun> some) {
         return run_locally(some, folder, slots,

@@ -214,8 +214,6 @@ void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
     // In this order: a run that is killed in an evaluation repeats it.
     if (passed(before, state_.step, eval.every) && state_.step < train.total_steps)
         state_.evaluation_due = !run_evaluation();
-    // So that this run, if it is made longer, plays an evaluation that is cut off at its end.
-    if (state_.step >= train.total_steps) state_.evaluation_due = last_evaluation_due();
     if (checkpoint_due(before)) write_scheduled_checkpoint();
     if (files_) files_->checkpoints.check();
     stop_ = agreed_to_stop(together);
@@ -233,7 +231,6 @@ Outcome Recorder::finish() {
     const bool evaluated = state_.score && state_.score->evaluated;
     if (written_step_ != state_.step) {
         if (complete) {
-            state_.evaluation_due = last_evaluation_due() && !evaluated;  // see after_step()
             write_scheduled_checkpoint();
         } else {
             write_checkpoint();
@@ -379,6 +376,9 @@ void Recorder::write_scheduled_checkpoint() {
     const auto training_return = mean(state_.recent_returns);
     if (!state_.score && training_return && !evaluations_decide())
         state_.score = {.evaluated = false, .mean_return = *training_return};
+    // So that this run, if it is made longer, plays an evaluation that is cut off at its end.
+    if (state_.step >= settings_.train.total_steps)
+        state_.evaluation_due = last_evaluation_due() && !(state_.score && state_.score->evaluated);
     write_checkpoint();
 }
 
