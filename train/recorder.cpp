@@ -322,15 +322,17 @@ void Recorder::write_row(bool to_tensorboard) {
     files_->speed = {state_.step, seconds};
 }
 
-/// Until a resumed agent has made an update, those of the checkpoint.
-std::map<std::string, double> Recorder::newest_metrics() {
+/// Until a resumed agent has made an update, those of the checkpoint. An evaluation that leaves the agent as it
+/// was takes its metrics away: state_ keeps them.
+const std::map<std::string, double>& Recorder::newest_metrics() {
     auto metrics = agent_.metrics();
     const auto is_loss = [](const auto& metric) { return metric.first.starts_with("losses/"); };
-    if (std::ranges::any_of(metrics, is_loss)) state_.metrics.clear();
+    const bool updated = std::ranges::any_of(metrics, is_loss);
     metrics.merge(collector_.metrics());
-    metrics.insert(state_.metrics.begin(), state_.metrics.end());
+    if (!updated) metrics.insert(state_.metrics.begin(), state_.metrics.end());
     check_finite(metrics, state_, options_.run_dir);
-    return metrics;
+    state_.metrics = std::move(metrics);
+    return state_.metrics;
 }
 
 // Checkpoints -----------------------------------------------------------------------------
@@ -357,7 +359,7 @@ void Recorder::write_checkpoint() {
     }
     const Collector::Pause pause(collector_);
     files_->checkpoints.finish();
-    state_.metrics = newest_metrics();
+    newest_metrics();
     files_->episodes.sync();
     files_->progress.sync();
     state_.seconds = files_->stopwatch.seconds();
@@ -408,7 +410,7 @@ bool Recorder::run_evaluation() {
                 derive_seed(static_cast<std::uint64_t>(settings_.train.seed), "evaluation at", state_.step),
                 video);
         } catch (const Interrupted&) {
-            state_.metrics = newest_metrics();
+            newest_metrics();
             agent_.load_state(agent_before);
             return false;
         }

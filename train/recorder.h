@@ -57,7 +57,7 @@ class Recorder {
     bool run_evaluation();
     bool last_evaluation_due() const;
     bool run_last_evaluation();
-    std::map<std::string, double> newest_metrics();
+    const std::map<std::string, double>& newest_metrics();
     std::string closing_line() const;
     void draw_curve() const;
 

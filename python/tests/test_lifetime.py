@@ -18,8 +18,9 @@ import cale
 
 def run(script, timeout=120, **environment):
     """Runs a script in an interpreter of its own."""
-    return subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True,
-                          timeout=timeout, env=os.environ | environment)
+    # Python 3.12 and later warn of every fork beside threads, which is what some of these scripts try.
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", textwrap.dedent(script)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, env=os.environ | environment)
 
 
 def test_the_roms_of_ale_py_are_found(tmp_path):

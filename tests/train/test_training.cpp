@@ -260,6 +260,33 @@ TEST_F(TrainingEmulator, ARunThatIsResumedAtItsEndHasItsLastRow) {
     EXPECT_EQ(read_progress(folder.path() / "progress.csv").at("losses/qf_loss").back(), 0.5);
 }
 
+TEST_F(TrainingEmulator, ARunThatIsResumedBehindItsLastEvaluationHasTheMetricsOfItsLastUpdate) {
+    /// Has no metrics until its next update, as agents that learn.
+    struct Forgetful : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        void load_state(const TensorMap& state) override {
+            ScribeAgent::load_state(state);
+            loaded = true;
+        }
+        std::map<std::string, double> metrics() override {
+            return loaded ? std::map<std::string, double>{} : ScribeAgent::metrics();
+        }
+        bool loaded = false;
+    };
+    eval.every = 100;
+    eval.video = false;
+    train_config.total_steps = 170;
+    train_config.keep_best = true;
+    Forgetful agent(1);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    EXPECT_TRUE(agent.loaded) << "a longer run has no evaluation at step 170";
+    options.resume = true;
+    Forgetful again(1);
+    EXPECT_EQ(train(again), Outcome::finished);
+    EXPECT_THAT(read_progress(folder.path() / "progress.csv").at("losses/qf_loss"),
+                testing::ElementsAre(0.5, 0.5));
+}
+
 TEST_F(TrainingEmulator, LeavesTheFilesOfARun) {
     ScribeAgent agent(1);
     EXPECT_EQ(train(agent), Outcome::finished);

@@ -287,6 +287,11 @@ class Page(unittest.TestCase):
         self.plays_on()
         self.browser.execute_script("pad.axes = [0.6, -0.6, 0, 0]")
         self.until(lambda: self.text("player") == "You play")
+        # A key has the joystick while it is held, and then the stick that was never let go of.
+        ActionChains(self.browser).key_down(Keys.ARROW_DOWN).perform()
+        self.until(lambda: self.text("numbers").endswith("DOWN"))
+        ActionChains(self.browser).key_up(Keys.ARROW_DOWN).perform()
+        self.until(lambda: self.text("numbers").endswith("UPRIGHT"))
         self.browser.execute_script("pad.axes = [0, 0, 0, 0]; press(9, true)")
         self.until(lambda: self.text("player") == "The policy plays")
         self.plays_on()

@@ -82,7 +82,10 @@ export class Hand {
             x: reach * x, y: -reach * down, fire: [0, 1, 2, 3].some(pressed), start: pressed(startButton),
             moved: far > movedOnPurpose,
         };
-        if ((this.#pad.moved && !before.moved) || (this.#pad.fire && !before.fire)) this.take('pad');
+        const pushed = (this.#pad.moved && !before.moved) || (this.#pad.fire && !before.fire);
+        // A stick that is still held has the joystick again once keys and pointer have let go.
+        const goesOn = this.taken && this.#pad.moved && this.#keys.size === 0 && !this.#pointer;
+        if (pushed || goesOn) this.take('pad');
         if (this.#pad.start && !before.start) this.giveBack();
     }
 
