@@ -101,7 +101,9 @@ class Agent {
     virtual TimeSplit memory_time() const { return {}; }
 
     /// Named scalars of the newest update and the current schedules: name -> value,
-    /// tagged as TensorBoard shows them ("losses/qf_loss"). Waits for the device.
+    /// tagged as TensorBoard shows them ("losses/qf_loss"). A tag that begins with "losses/" is there only
+    /// once an update was made since the agent was constructed or loaded: until then a resumed run logs those
+    /// of its checkpoint. Waits for the device.
     virtual std::map<std::string, double> metrics() = 0;
 
     /// Returns the agent's complete state except for the replay's contents; an unfinished rollout is

@@ -1,5 +1,6 @@
 #include "policy/policy_info.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace cale {
@@ -8,6 +9,15 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
     info.stack = shape.front();
     info.frame_height = shape.size() == 3 ? shape[1] : 1;
     info.frame_width = shape.back();
+}
+
+bool is_agent_name(std::string_view name) {
+    const auto is_plain = [](char c) {
+        return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
+               c == '-';
+    };
+    constexpr std::size_t kLongest = 64;
+    return name.size() <= kLongest && std::ranges::all_of(name, is_plain);
 }
 
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {

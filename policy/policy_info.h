@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "cale/action.h"
@@ -60,6 +61,10 @@ struct PolicyInfo {
 
 /// Sets the shape of an observation in `info`: [stack, rows, columns] or [stack, bytes].
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
+
+/// Returns whether an agent may have this name, which is a part of files' names: at most 64 letters, digits,
+/// '_' and '-'.
+bool is_agent_name(std::string_view name);
 
 /// How an action is chosen.
 ///   greedy        the mean action of a Gaussian, the likeliest or most valuable of a set

@@ -139,17 +139,6 @@ struct Reader {
     }
 };
 
-/// Names of files are made of it.
-void check_agent_name(const std::string& name) {
-    const auto is_plain = [](char c) {
-        return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
-               c == '-';
-    };
-    constexpr std::size_t kLongest = 64;
-    if (name.size() > kLongest || !std::ranges::all_of(name, is_plain))
-        refuse("agent", name, "at most 64 letters, digits, '_' and '-'");
-}
-
 /// That the head, the action space and the list of actions go together.
 void check_actions(const PolicyInfo& info, const Head& head) {
     const auto& space = info.action_space;
@@ -188,7 +177,7 @@ void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& networ
     // What of version 1 became the network is taken first: it takes `encoder` for one of three.
     if (version == 1) network = take_network_of_version_1(texts);
     describe(info, Reader{texts});
-    check_agent_name(info.agent);
+    if (!is_agent_name(info.agent)) refuse("agent", info.agent, "at most 64 letters, digits, '_' and '-'");
     if (version == 1) {
         if (!network.head.continuous()) network.head.num_actions = info.num_actions();
         check_network(network);

@@ -223,6 +223,24 @@ void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
     }
 }
 
+/// Where a baseline has the label of a group, that group is meant.
+void give_names(std::vector<Group>& groups, std::vector<Baseline>& baselines,
+                std::map<std::string, std::string> names) {
+    const auto is_group = [&](const std::string& label) {
+        return std::ranges::find(groups, label, &Group::label) != groups.end();
+    };
+    for (auto& baseline : baselines)
+        if (!is_group(baseline.name))
+            if (const auto name = names.extract(baseline.name)) baseline.name = name.mapped();
+    rename_groups(groups, names);
+    for (const auto& baseline : baselines) {
+        if (!is_group(baseline.name)) continue;
+        throw std::invalid_argument(fmt::format(
+            "a group and a baseline are called {0}: give the group another name by --name '{0}=NAME'",
+            baseline.name));
+    }
+}
+
 void add_baseline(Comparison& comparison, const Baseline& baseline) {
     std::vector<std::string_view> missing;
     Scores scores;
@@ -475,7 +493,7 @@ std::vector<std::string> labels_of(const Comparison& comparison) {
     return labels;
 }
 
-Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, const ComparisonConfig& config) {
+Comparison compare(FoundRuns found, std::vector<Baseline> baselines, const ComparisonConfig& config) {
     require_runs(found);
     auto for_bands = config.bootstrap;
     for_bands.resamples = std::min(for_bands.resamples, kBandResamples);
@@ -487,7 +505,7 @@ Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines, cons
     comparison.missing_runs = std::move(found.missing);
     std::ranges::move(missing_runs(found.runs), std::back_inserter(comparison.missing_runs));
     comparison.groups = group_runs(std::move(found.runs), config.group_by);
-    rename_groups(comparison.groups, config.names);
+    give_names(comparison.groups, baselines, config.names);
     leave_out_recorded(comparison);
     for (const auto& group : comparison.groups)
         comparison.results.push_back(result_of(group, config.bootstrap, for_bands));

@@ -70,7 +70,8 @@ struct ComparisonConfig {
     ScoreKind score = ScoreKind::training;
     Bootstrap bootstrap{};
     std::vector<std::string> group_by{};
-    std::map<std::string, std::string> names{};  // of groups, by their labels: see rename_groups()
+    /// Of groups, by their labels (rename_groups), and of baselines, by theirs, where no group has that one.
+    std::map<std::string, std::string> names{};
 };
 
 /// Bands of curves and profiles take this many resamples at most, as rliable's do.
@@ -117,8 +118,9 @@ std::vector<std::string> labels_of(const Comparison& comparison);
 /// Throws std::runtime_error where there is no run that can be used, with the reason.
 void require_runs(const FoundRuns& found);
 
-/// Throws std::runtime_error where there is no run to report on, and what group_runs() throws.
-Comparison compare(FoundRuns found, const std::vector<Baseline>& baselines = {},
+/// Throws std::runtime_error where there is no run to report on, what group_runs() and rename_groups() throw,
+/// and std::invalid_argument where a baseline is called like a group.
+Comparison compare(FoundRuns found, std::vector<Baseline> baselines = {},
                    const ComparisonConfig& config = {});
 
 }  // namespace cale

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
+#include <system_error>
 
 #include "cale/text.h"
 
@@ -68,7 +69,8 @@ namespace {
 
 std::string text_of(const std::filesystem::path& path) {
     std::ifstream file(path);
-    const bool is_folder = std::filesystem::is_directory(path);  // which can be opened, and not read
+    std::error_code ignored;
+    const bool is_folder = std::filesystem::is_directory(path, ignored);  // which can be opened, and not read
     if (!file || is_folder)
         throw std::runtime_error(
             fmt::format("cannot read {}: {}", path.string(), std::strerror(is_folder ? EISDIR : errno)));

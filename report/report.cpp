@@ -1,5 +1,6 @@
 #include "report/report.h"
 
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -17,23 +18,29 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// Returns whether an earlier report has written the file: one is in its folder and, since notes may be
+/// called like a table of it, Markdown is a table.
+bool is_of_report(const fs::path& file) {
+    if (!fs::exists(file.parent_path() / "report.html")) return false;
+    return file.extension() != ".md" || std::ifstream(file).get() == '|';
+}
+
 /// Removes the files beside the page of an earlier report in the folder: those that the new one does not have
 /// would stand beside it as if they were its own.
 void remove_report(const fs::path& folder) {
-    if (!fs::exists(folder / "report.html")) return;
     for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
                              "performance_profiles", "probability_of_improvement", "game_curves",
                              "game_scores", "events", "zones", "rewards"}) {
         for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
-            fs::remove(folder / (std::string(name) + extension));
+            if (const auto file = folder / (std::string(name) + extension); is_of_report(file))
+                fs::remove(file);
     }
 }
 
 /// Returns a file of these names that no earlier report wrote, or empty.
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
-    if (fs::exists(folder / "report.html")) return {};
     for (const auto& name : names)
-        if (fs::exists(folder / name)) return folder / name;
+        if (const auto file = folder / name; fs::exists(file) && !is_of_report(file)) return file;
     return {};
 }
 
@@ -74,7 +81,7 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
 
     if (const auto other = other_file(folder, names); !other.empty()) {
         throw std::runtime_error(fmt::format(
-            "{} is there and would be replaced, and no report is in its folder; write to another folder",
+            "{} is there and would be replaced, and no report has written it; write to another folder",
             other.string()));
     }
     remove_report(folder);

@@ -265,7 +265,8 @@ class LocalRunner {
             result.push_back({.name = job.planned->run.name,
                               .state = std::string(name_of(job.status.state)),
                               .status = job.status,
-                              .total_steps = job.planned->total_steps});
+                              .total_steps = job.planned->total_steps,
+                              .evaluates = job.planned->evaluates});
         }
         return result;
     }

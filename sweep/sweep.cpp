@@ -107,7 +107,8 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
         RunRow row{.name = planned.run.name,
                    .state = {},
                    .status = status_of(planned, folder / planned.run.name),
-                   .total_steps = planned.total_steps};
+                   .total_steps = planned.total_steps,
+                   .evaluates = planned.evaluates};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
         const bool refused = row.status.state == RunPhase::refused;

@@ -26,6 +26,11 @@ std::string shortened(const std::string& text, std::size_t width) {
     return text.substr(0, width - 3 - end) + "..." + text.substr(text.size() - end);
 }
 
+/// Whether it still makes steps.
+bool trains(const RunRow& row) {
+    return row.status.state == RunPhase::running && row.status.step < row.total_steps;
+}
+
 double seconds_left(const RunRow& row) {
     const auto left = static_cast<double>(row.total_steps - row.status.step);
     return row.status.steps_per_second > 0 ? left / row.status.steps_per_second
@@ -39,7 +44,7 @@ std::string summary(std::span<const RunRow> rows) {
     double speed = 0, steps_left = 0;
     for (const auto& row : rows) {
         ++counts[row.state];
-        if (row.status.state == RunPhase::running) speed += row.status.steps_per_second;
+        if (trains(row)) speed += row.status.steps_per_second;
         if (row.status.state != RunPhase::finished && row.status.state != RunPhase::failed &&
             row.status.state != RunPhase::refused)
             steps_left += static_cast<double>(row.total_steps - row.status.step);
@@ -69,15 +74,15 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
                                    "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
         const bool running = row.status.state == RunPhase::running;
-        const bool evaluates = running && row.status.step >= row.total_steps;  // at its end
-        const bool trains = running && !evaluates;
-        text += fmt::format(
-            "{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column), column,
-            evaluates ? "evaluating" : row.state, fmt::format("{}/{}", row.status.step, row.total_steps),
-            trains && row.status.steps_per_second > 0 ? fmt::format("{:.1f}", row.status.steps_per_second)
-                                                      : "-",
-            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
-            trains ? duration_text(seconds_left(row)) : "-");
+        const bool evaluates = running && !trains(row) && row.evaluates;
+        text += fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column),
+                            column, evaluates ? "evaluating" : row.state,
+                            fmt::format("{}/{}", row.status.step, row.total_steps),
+                            trains(row) && row.status.steps_per_second > 0
+                                ? fmt::format("{:.1f}", row.status.steps_per_second)
+                                : "-",
+                            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
+                            trains(row) ? duration_text(seconds_left(row)) : "-");
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + printable(row.status.message), width) + "\n";
         // Every key of it is needed.

@@ -158,8 +158,6 @@ void report(Options options) {
     options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
     options.config.names = names_of_groups(options.names);
     auto [baselines, recorded] = read_beside(options);
-    for (auto& baseline : baselines)
-        if (const auto name = options.config.names.extract(baseline.name)) baseline.name = name.mapped();
     if (options.runs.empty() && recorded.empty())
         throw std::invalid_argument("name folders of runs, or recorded ones: --baselines cale");
     const std::vector<fs::path> paths(options.runs.begin(), options.runs.end());

@@ -148,7 +148,7 @@ void publish(const fs::path& partial, const fs::path& folder) {
     sync_name(folder);
 }
 
-StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with_replay,
+StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent,
                                  const std::function<void(const TensorMap&)>& restore_games,
                                  RunState& state) {
     StoredCheckpoint stored{folder, read_manifest(folder)};
@@ -159,7 +159,7 @@ StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent, bool with
     state = from_json(read_file(folder / kStateFile));
     restore_games(load_safetensors(folder / kGamesFile).tensors);
     agent.load_state(load_agent(folder));
-    if (with_replay && agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
+    if (agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
         load_replay(*agent.replay(), folder);
     return stored;
 }
@@ -258,7 +258,8 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
 
 void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, const Retention& retention) {
     const auto all = list_checkpoints(run_dir);
-    const auto past = std::next(std::find(all.begin(), all.end(), newest));
+    const auto found = std::find(all.begin(), all.end(), newest);
+    const auto past = found == all.end() ? found : std::next(found);  // somebody may have deleted it
     const auto best = retention.best ? best_of({all.begin(), past}) : std::nullopt;
     link_best(run_dir / "checkpoints" / kBest, best);
     for (auto folder = all.begin(); folder != all.end(); ++folder) {
@@ -313,7 +314,7 @@ bool has_begun(const fs::path& run_dir) {
     return !list_checkpoints(run_dir).empty() || has_rows("episodes.csv", 2) || has_rows("progress.csv", 0);
 }
 
-Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool with_replay,
+Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
                                   const std::function<void(const TensorMap&)>& restore_games) {
     const auto all = require_checkpoints(run_dir);
     Checkpoint checkpoint;
@@ -323,7 +324,7 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent, bool wi
                 fmt::format("The checkpoint {} cannot be read: {}", folder->string(), why));
         };
         try {
-            checkpoint.stored = load_checkpoint(*folder, agent, with_replay, restore_games, checkpoint.state);
+            checkpoint.stored = load_checkpoint(*folder, agent, restore_games, checkpoint.state);
             return checkpoint;
         } catch (const std::system_error& error) {
             // It may be whole, and would be deleted as one that was passed over.

@@ -62,7 +62,7 @@ struct RunState {
     std::int64_t progress_rows = 0;           // reports in progress.csv
     bool evaluation_due = false;              // one was interrupted: it is played on resume
     std::optional<Score> score{};             // at this step; none where none was due
-    std::map<std::string, double> metrics{};  // of the agent's newest update
+    std::map<std::string, double> metrics{};  // newest of the agent and the world
 };
 
 /// A snapshot of a run: copies of everything except the replay; see ReplaySnapshot.
@@ -120,11 +120,11 @@ std::vector<std::filesystem::path> require_checkpoints(const std::filesystem::pa
 /// anything else that a new run would destroy.
 bool has_begun(const std::filesystem::path& run_dir);
 
-/// Restores the agent, its replay (if `with_replay`) and the games from the run's newest readable checkpoint.
-/// Every file is verified against the manifest before any is used. `restore_games` receives the result of
-/// Collector::state(), and throws if it cannot restore it. Throws ResumeError where no checkpoint can be
-/// read.
-Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent, bool with_replay,
+/// Restores the agent, its replay (where the checkpoint holds it) and the games from the run's newest
+/// readable checkpoint. Every file is verified against the manifest before any is used. `restore_games`
+/// receives the result of Collector::state(), and throws if it cannot restore it. Throws ResumeError where no
+/// checkpoint can be read.
+Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent,
                                   const std::function<void(const TensorMap&)>& restore_games);
 
 }  // namespace cale

@@ -16,6 +16,7 @@
 
 #include "agents/memory.h"
 #include "agents/process.h"
+#include "policy/policy_info.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
 #include "settings/shell_text.h"
@@ -455,6 +456,11 @@ TrainOptions train_options(const TrainingProgram& program, const CommandLine& li
 }
 
 int run(const TrainingProgram& program, int argc, const char* const* argv) {
+    if (!is_agent_name(program.agent_name))
+        throw ConfigError(
+            fmt::format("an agent cannot be called '{}' in run_program(): its name takes at most 64 letters, "
+                        "digits, '_' and '-'",
+                        program.agent_name));
     const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
     if (line.finished) {
         flush_standard_output();
@@ -472,6 +478,8 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     fs::path run_dir = choose_run_dir(line, program, world);
     const std::string changes =
         line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
+    std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
+    if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
     const int threads = threads_of_all(
         choose_threads(line, program, world, resumed, run_dir, process ? process->local_size : 1), processes);
@@ -497,10 +505,9 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                           .device = device.str(),
                           .threads = threads,
                           .processes = static_cast<int>(processes.size())};
-    std::optional<RunLock> lock;
     std::optional<Metadata> metadata;
     if (processes.first()) {
-        lock.emplace(run_dir);
+        if (!lock) lock.emplace(run_dir);
         metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, session));
     }
 

@@ -43,7 +43,7 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
                         options.processes);
     std::optional<Checkpoint> resumed;
     if (options.resume) {
-        resumed = load_newest_checkpoint(options.run_dir, agent, config.save_replay,
+        resumed = load_newest_checkpoint(options.run_dir, agent,
                                          [&](const TensorMap& stored) { collector.restore(stored); });
     }
     RunState state = resumed ? resumed->state : RunState{};

@@ -73,6 +73,14 @@ def test_evaluations_repeat_whatever_the_threads(repository):
     assert not np.array_equal(one.lengths, other.lengths)
 
 
+def test_evaluations_choose_as_the_training_s_did_unless_told_otherwise(repository):
+    file = repository / "policies/kung_fu_master_rainbow.safetensors"  # plays with the noise that it learned with
+    assert cale.Policy(file).info["evaluation_samples"]
+    as_trained, drawn, greedy = (cale.evaluate(file, games=1, seed=3, sampled=sampled) for sampled in (None, True, False))
+    assert (as_trained.mean, as_trained.lengths) == (drawn.mean, drawn.lengths)
+    assert as_trained.lengths != greedy.lengths
+
+
 def test_a_change_that_is_not_applied_is_said(repository):
     file = repository / "policies/road_runner_joystick.safetensors"
     with pytest.warns(UserWarning, match="terminal_on_life_loss=False is not applied: as in this policy's training"):

@@ -258,6 +258,14 @@ TEST_P(EveryAgent, EvaluationLeavesTrainingAsItIs) {
     expect_equal(first, second);
 }
 
+void spoil(Agent& agent) {
+    auto state = agent.state();
+    for (auto& [name, tensor] : state)
+        if (name.starts_with("network/") && name.ends_with("bias"))
+            tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
+    agent.load_state(state);
+}
+
 class EveryActor : public EveryAgent {};
 
 INSTANTIATE_TEST_SUITE_P(Table, EveryActor,
@@ -267,13 +275,18 @@ INSTANTIATE_TEST_SUITE_P(Table, EveryActor,
 
 TEST_P(EveryActor, SaysThatItHasDiverged) {
     const auto agent = make(world());
-    auto state = agent->state();
-    for (auto& [name, tensor] : state)
-        if (name.starts_with("network/") && name.ends_with("bias"))
-            tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
-    agent->load_state(state);
+    spoil(*agent);
     EXPECT_THAT([&] { agent->act(noise_frames(1, 1), ActMode::evaluate); },
                 ThrowsMessage<std::runtime_error>(HasSubstr("the actor's output is not finite")));
+}
+
+TEST(Priorities, SayThatAnAgentHasDiverged) {
+    const auto spec = der().world(1, 1);
+    const auto agent = der().make({}, spec);
+    drive(*agent, spec, 0, 25);
+    spoil(*agent);
+    EXPECT_THAT([&] { drive(*agent, spec, 25, 10); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("a transition's priority is not finite")));
 }
 
 TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {

@@ -69,6 +69,13 @@ TEST(MemoryBesideNetworks, CountsGradientsMomentsTargetsAndCopies) {
     EXPECT_EQ(memory_beside({.parameters = 10, .target = true, .settings = ""}, elsewhere, 100), 100 - 40);
 }
 
+TEST(AgentMemoryOnTheCpu, HoldsEveryFrameTwiceWhereTheReplayIsOnTheDevice) {
+    DqnConfig config;
+    EXPECT_EQ(refusal(config, 12 * kGigabyte), "no error");
+    config.replay.replay_on_device = true;
+    EXPECT_THAT(refusal(config, 12 * kGigabyte), StartsWith("the replay needs 14.2 GB of memory"));
+}
+
 TEST(AgentMemoryOfPpo, HoldsTheRollout) {
     PpoConfig config;
     config.rollout_steps = 1'000'000;

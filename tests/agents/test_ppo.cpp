@@ -1,6 +1,7 @@
 #include "agents/advantages.h"
 #include "agents/ppo.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -144,6 +145,13 @@ TEST(PpoLosses, AdvantagesAreNormalised) {
     EXPECT_NEAR(shifted.losses().actor.item<double>(), -(-1.05 + 1.02) / 2, 1e-6);
     Problem alike({1.05, 1.02}, {2, 2});  // no deviation to divide by
     EXPECT_EQ(alike.losses().actor.item<double>(), 0);
+}
+
+TEST(PpoLosses, ImportanceWeighsNormalisedAdvantages) {
+    RolloutBatch batch;
+    batch.advantage = torch::tensor({3.0, 7.0}, kDouble);
+    batch.importance = torch::tensor({2.0, 0.5}, kDouble);
+    EXPECT_TRUE(torch::allclose(normalized(batch).advantage, torch::tensor({-2.0, 0.5}, kDouble)));
 }
 
 TEST(PpoLosses, AValueCountsAsIfItHadMovedByTheClipAtMost) {
@@ -397,7 +405,10 @@ struct Witness {
 
     torch::Tensor rewards(std::size_t step) const {
         std::vector<float> numbers;
-        for (const auto& result : steps[step].results) numbers.push_back(result.reward);
+        const auto limit = static_cast<float>(config.reward_clip.value_or(INFINITY));
+        const auto scale = static_cast<float>(config.reward_scale);
+        for (const auto& result : steps[step].results)
+            numbers.push_back(scale * std::clamp(result.reward, -limit, limit));
         return torch::tensor(numbers);
     }
 
@@ -455,14 +466,17 @@ constexpr double kRounding = 2e-5;
 
 TEST(Ppo, LearnsFromItsRolloutAsDefined) {
     for (const auto& spec : {joystick_world(1), joystick_world(2), discrete_world(2), discrete_world(4)}) {
-        Witness w(transparent(), spec);
+        auto config = transparent();
+        config.reward_clip = 1.5;
+        config.reward_scale = 0.5;
+        Witness w(config, spec);
         const auto length = 4 / spec.num_envs;
         if (length > 1)
             for (auto& result : w.steps[0].results) result.terminal = result.episode_over = true;
         const auto learned = w.learned();
         // The errors of the steps, last one first; the values of what follows come with the update.
         auto following = w.values(w.steps.back().observations);
-        auto advantage = torch::zeros({length, spec.num_envs});
+        auto advantage = torch::zeros({length, spec.num_envs}), returns = advantage.clone();
         auto passed_on = torch::zeros({spec.num_envs});
         for (std::int64_t t = length - 1; t >= 0; --t) {
             const auto& step = w.steps[static_cast<std::size_t>(t)];
@@ -472,7 +486,10 @@ TEST(Ppo, LearnsFromItsRolloutAsDefined) {
                            goes_on * (0.5 * following + 0.25 * passed_on) - value;
             following = value;
             passed_on = advantage[t];
+            returns[t] = advantage[t] + value;
         }
+        EXPECT_NEAR(w.agent->metrics().at("losses/explained_variance"),
+                    1 - (advantage.var(false) / returns.var(false)).item<double>(), 1e-4);
         EXPECT_LT(distance(learned, w.taught(advantage, {{0, 4}})), kRounding) << spec.num_envs;
         EXPECT_GT(distance(learned, parameters_of(*w.network)), 1e-3);
     }

@@ -147,6 +147,53 @@ TEST(StickMotion, NoiseIsNormalAndKeepsTheStickInItsDisc) {
     }
 }
 
+TEST(StickMotion, MirroredCommandsMoveTheStickInMirroredWays) {
+    // Across the diagonal, where x and y change places; on the way it swings into the rim and slides along
+    // it.
+    for (const auto& motion :
+         {StickMotion{.stick_speed = 0.3}, StickMotion{.stick_speed = 0.3, .stick_damping = 0.1},
+          StickMotion{.stick_speed = 0.15, .stick_damping = 2}}) {
+        std::mt19937 random(1);
+        MovingStick stick(motion), mirrored(motion);
+        stick.centre(random);
+        mirrored.centre(random);
+        double farthest_from_diagonal = 0;
+        for (std::uint64_t t = 0; t < 200; ++t) {
+            const float angle = static_cast<float>(golden::bits(3, t / 5) % 1000) / 500 * kPi;
+            stick.command({1, angle, 0}, random);
+            mirrored.command({1, kPi / 2 - angle, 0}, random);
+            stick.advance();
+            mirrored.advance();
+            ASSERT_NEAR(stick.position().x, mirrored.position().y, 1e-5) << t;
+            ASSERT_NEAR(stick.position().y, mirrored.position().x, 1e-5) << t;
+            farthest_from_diagonal =
+                std::max(farthest_from_diagonal, std::abs(stick.position().x - stick.position().y));
+        }
+        EXPECT_GT(farthest_from_diagonal, 0.5);
+    }
+}
+
+TEST(StickMotion, NoiseMovesBothAxesIndependentlyAndAPaddlesAlone) {
+    std::mt19937 random(1);
+    MovingStick stick({.actuation_noise = 0.1}), paddle({.actuation_noise = 0.1}, /*one_axis=*/true);
+    stick.centre(random);
+    paddle.centre(random);
+    double squares = 0, products = 0;
+    constexpr int kCommands = 4000;
+    for (int i = 0; i < kCommands; ++i) {
+        stick.command(kCentre, random);
+        stick.advance();
+        squares += stick.position().y * stick.position().y;
+        products += stick.position().x * stick.position().y;
+        paddle.command({1, kPi / 2, 0}, random);
+        paddle.advance();
+        ASSERT_EQ(paddle.position().y, 0);
+    }
+    EXPECT_NEAR(std::sqrt(squares / kCommands), 0.1, 0.005);
+    EXPECT_NEAR(products / kCommands, 0, 0.001);
+    EXPECT_NE(paddle.position().x, 0);
+}
+
 TEST(StickMotion, ImpossibleSettingsAreNamed) {
     const auto refusal = [](const StickMotion& motion) {
         EnvConfig config;

@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 #include <torch/types.h>
 #include <torch/utils.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
@@ -85,6 +87,37 @@ TEST(EvaluationEmulator, AGameDoesNotDependOnThoseBesideIt) {
     EXPECT_THAT(rows(evaluate(by_sight(), plan)), ElementsAre(one_by_one[0], one_by_one[1]));
     plan.seed = 2;
     EXPECT_NE(rows(evaluate(by_sight(), plan))[0], one_by_one[0]);
+}
+
+TEST(EvaluationEmulator, ItsMeanAndItsDeviationAreThoseOfItsGames) {
+    auto plan = short_games();
+    plan.games = 6;
+    plan.env.max_frames_per_episode = 2000;
+    const auto result = evaluate(by_sight(), plan);
+    double sum = 0, squares = 0;
+    for (const auto& game : result.games) {
+        sum += game.episode_return;
+        squares += game.episode_return * game.episode_return;
+    }
+    ASSERT_GT(sum, 0);
+    EXPECT_DOUBLE_EQ(result.mean_return, sum / 6);
+    EXPECT_NEAR(result.standard_deviation, std::sqrt(squares / 6 - sum * sum / 36), 1e-9);
+    EXPECT_GT(result.standard_deviation, 0);
+}
+
+TEST(Evaluation, ThePlansOfBothProtocols) {
+    auto env = protocol_200m("breakout");
+    env.noop_max = 7;
+    const auto episodes = fixed_episodes(env);
+    EXPECT_EQ(episodes.games, 100);
+    EXPECT_EQ(episodes.epsilon, 0.001);
+    EXPECT_EQ(episodes.env.noop_max, 29);
+    EXPECT_EQ(episodes.steps, EvaluationPlan{}.steps);
+    const auto steps = fixed_steps(env);
+    EXPECT_EQ(steps.steps, 125'000);
+    EXPECT_EQ(steps.epsilon, 0.001);
+    EXPECT_EQ(steps.env.noop_max, 7);
+    EXPECT_EQ(steps.games, std::numeric_limits<std::int64_t>::max());
 }
 
 TEST(EvaluationEmulator, AsksForCollectorAlone) {
@@ -427,6 +460,26 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_THAT(evaluation_text(report), HasSubstr("ppo on Breakout after 4 agent steps, run\n"));
     EXPECT_THAT(evaluation_text(report), HasSubstr("greedy, epsilon 0.2"));
     EXPECT_THAT(folder.read("out/evaluation.json"), HasSubstr("\"random_play\": null\n"));
+    // What is printed and stored is of the games in the table.
+    Evaluation uneven;
+    uneven.mean_return = 3;
+    uneven.standard_deviation = 3.7;
+    for (const double episode_return : {0, 0, 2, 3, 10})
+        uneven.games.push_back({.episode_return = episode_return});
+    write_evaluation_report(folder.path() / "uneven", {.source = "run",
+                                                       .protocol = "fixed_episodes",
+                                                       .sampled = false,
+                                                       .policy = policy.info(),
+                                                       .plan = plan,
+                                                       .evaluation = uneven});
+    const auto stored = nlohmann::json::parse(folder.read("uneven/evaluation.json"));
+    EXPECT_EQ(stored.at("mean"), 3);
+    EXPECT_EQ(stored.at("standard_deviation"), 3.7);
+    EXPECT_EQ(stored.at("median"), 2);
+    EXPECT_NEAR(stored.at("interquartile_mean"), 5.0 / 3, 1e-12);
+    EXPECT_EQ(stored.at("minimum"), 0);
+    EXPECT_EQ(stored.at("maximum"), 10);
+    EXPECT_EQ(stored.at("games"), 5);
 
     EXPECT_THAT(evaluation_text(report), HasSubstr("games                 2, "));
     plan.games = 5;

@@ -101,7 +101,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     else if (which < 4)
         world.replace(names[which], input);
     fuzz::accepts([&] {
-        cale::load_newest_checkpoint(world.run, *world.agent, true,
+        cale::load_newest_checkpoint(world.run, *world.agent,
                                      [&](const TensorMap& stored) { world.games.restore(stored); });
     });
     return 0;

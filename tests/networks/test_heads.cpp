@@ -114,6 +114,17 @@ TEST(SquashedGaussian, ActionsStayInTheBoxAndTheMeanActionIsItsOwn) {
     EXPECT_TRUE((actions <= high).all().item<bool>());
 }
 
+TEST(ActionBox, KnowsItsUnits) {
+    const auto cartesian = action_box(Box{.low = {-1, -1, 0}, .high = {1, 1, 1}});  // (x, y, fire)
+    EXPECT_TRUE(torch::equal(cartesian.centre, torch::tensor({0.0f, 0.0f, 0.5f})));
+    EXPECT_TRUE(torch::equal(cartesian.half_width, torch::tensor({1.0f, 1.0f, 0.5f})));
+    EXPECT_DOUBLE_EQ(cartesian.log_half_widths, std::log(0.5));
+    const auto other = action_box(Box{.low = {-1, 2}, .high = {3, 2.5}});
+    EXPECT_TRUE(torch::equal(other.centre, torch::tensor({1.0f, 2.25f})));
+    EXPECT_TRUE(torch::equal(other.half_width, torch::tensor({2.0f, 0.25f})));
+    EXPECT_DOUBLE_EQ(other.log_half_widths, std::log(2) + std::log(0.25));
+}
+
 TEST(SquashedGaussian, GradientsReachMeanAndDeviationThroughTheSample) {
     const auto output = torch::zeros({2, 6}, torch::requires_grad());
     sample(squashed_gaussian(output), torch::ones({2, 3}), joystick_box()).action.sum().backward();

@@ -78,6 +78,17 @@ TEST(PlayEmulator, QuitEndsItAndAnotherGameBegins) {
     EXPECT_EQ(ended, 0);
 }
 
+TEST(PlayEmulator, AGameThatIsGivenUpIsNoneOfThoseToPlay) {
+    Player player;
+    player.moves = [](int step, Hands&) { return step == 10 ? Command::new_game : Command::none; };
+    std::vector<std::int64_t> lengths;
+    PlayPlan plan{.env = breakout(), .games = 1, .speed = 0};
+    plan.ended = [&](const EvaluatedGame& game) { lengths.push_back(game.length); };
+    play(plan, player.stage());
+    ASSERT_EQ(lengths.size(), 1u);
+    EXPECT_GE(player.steps, 9 + lengths.front()) << "beside the nine steps of the game before";
+}
+
 TEST(PlayEmulator, APausedGameStandsStill) {
     Player player;
     player.moves = [](int step, Hands&) {

@@ -73,6 +73,37 @@ TEST_F(CInterface, PlaysAsTheLibraryBelow) {
     EXPECT_EQ(cale_session_lose_life(session.get()), 1);
 }
 
+TEST(CInterfaceOfTheJoystick, EveryChoiceIsThatOfTheLibraryBelow) {
+    const NetworkSpec network{.layers = chain({prefixed("encoder.", phi_dqn()),
+                                               {Layer::dense("actor.fc1", 8), Layer::of(Layer::Kind::relu)}}),
+                              .head = {.kind = Head::Kind::squashed_gaussian}};
+    const auto bytes = policy_file_contents(test::sample_policy(network));
+    const PolicyHandle policy{cale_policy_parse(bytes.data(), bytes.size()), cale_policy_free};
+    const SessionHandle session{cale_session_new(policy.get(), 210, 5), cale_session_free};
+    const auto below = lite::Policy::parse(bytes);
+    auto workspace = below.workspace();
+    std::mt19937_64 random(5);
+    for (std::uint32_t i = 0; i < 8; ++i) {
+        const auto observation = test::random_pixels(std::size_t{4} * 84 * 84, i);
+        for (const auto& [number, choice] : {std::pair{CALE_SAMPLED, Choice::sampled},
+                                             {CALE_AS_EVALUATED, Choice::as_evaluated},
+                                             {CALE_GREEDY, Choice::greedy}}) {
+            cale_decision decision;
+            ASSERT_EQ(
+                cale_session_act_on(session.get(), observation.data(), observation.size(), number, &decision),
+                1)
+                << cale_policy_error();
+            const auto expected = below.act(observation, workspace, choice, random);
+            EXPECT_EQ(decision.radius, expected.stick.radius);
+            EXPECT_EQ(decision.theta, expected.stick.theta);
+            EXPECT_EQ(decision.fire, expected.stick.fire);
+            EXPECT_EQ(decision.strength, expected.strength);
+            EXPECT_EQ(decision.action, -1);
+            EXPECT_EQ(decision.event, static_cast<int>(expected.event));
+        }
+    }
+}
+
 TEST_F(CInterface, ASessionOutlivesItsPolicy) {
     policy.reset();
     ASSERT_EQ(cale_session_start(session.get(), screen.data(), screen.size()), 1);

@@ -96,6 +96,44 @@ TEST(NetworkText, IsReadAsItWasWritten) {
               "squashed_gaussian");
 }
 
+TEST(NetworkText, OfEveryEncoder) {
+    const auto text = [](const Layers& layers, std::vector<std::int64_t> observation = {4, 84, 84}) {
+        return network_text({std::move(observation), layers, {.kind = Head::Kind::gaussian}});
+    };
+    EXPECT_EQ(
+        text(phi_dqn(Padding::valid)),
+        "observation 4 84 84; conv conv1 32 8 4 valid; relu; conv conv2 64 4 2 valid; relu; conv conv3 64 3 "
+        "1 valid; relu; flatten; gaussian");
+    EXPECT_EQ(text(data_efficient()),
+              "observation 4 84 84; conv conv1 32 5 5 valid; relu; conv conv2 64 5 5 valid; relu; flatten; "
+              "gaussian");
+    EXPECT_EQ(
+        text(compact()),
+        "observation 4 84 84; conv conv1 32 3 2 valid; relu; conv conv2 32 3 2 valid; relu; conv conv3 32 3 "
+        "2 valid; relu; conv conv4 32 3 1 valid; relu; flatten; gaussian");
+    EXPECT_EQ(text(mlp(), {2, 128}),
+              "observation 2 128; flatten; dense fc1 256; relu; dense fc2 256; relu; gaussian");
+    EXPECT_EQ(
+        text(mlp(/*layer_norm=*/true), {2, 128}),
+        "observation 2 128; flatten; dense fc1 256; layer_norm ln1; relu; dense fc2 256; layer_norm ln2; "
+        "relu; gaussian");
+    EXPECT_EQ(text(flat(), {2, 128}), "observation 2 128; flatten; gaussian");
+    // Espeholt et al. 2018: three stages of a convolution, a pooling and two residual blocks.
+    const auto stage = [](const std::string& number, const std::string& channels) {
+        std::string stage_text = "conv stageN_conv C 3 1 same; max_pool 3 2";
+        for (const std::string block : {"1", "2"})
+            stage_text += "; keep; relu; conv stageN_block" + block +
+                          "_conv1 C 3 1 same; relu; conv stageN_block" + block +
+                          "_conv2 C 3 1 same; add_kept";
+        for (const auto& [mark, value] : {std::pair{'N', number}, {'C', channels}})
+            for (auto at = stage_text.find(mark); at != stage_text.npos; at = stage_text.find(mark))
+                stage_text.replace(at, 1, value);
+        return stage_text + "; ";
+    };
+    EXPECT_EQ(text(impala()), "observation 4 84 84; " + stage("1", "16") + stage("2", "32") +
+                                  stage("3", "32") + "relu; flatten; gaussian");
+}
+
 std::string refusal(const std::string& text) {
     return test::message_of([&] { parse_network(text); });
 }

@@ -165,8 +165,11 @@ TEST(PolicyFileDamage, Texts) {
     EXPECT_EQ(error("paddle_radius", "yes"), metadata("'paddle_radius' is 'yes': it must be true or false"));
     EXPECT_EQ(error("event_map", "round"),
               metadata("'event_map' is 'round': it must be one of symmetric, ale_0_10"));
-    for (const auto& agent : {std::string("../sac"), std::string("a\nb"), std::string(65, 'a')})
+    for (const auto& agent : {std::string("../sac"), std::string("a\nb"), std::string(65, 'a')}) {
         EXPECT_THAT(error("agent", agent), HasSubstr("it must be at most 64 letters, digits, '_' and '-'"));
+        EXPECT_FALSE(is_agent_name(agent));
+    }
+    EXPECT_TRUE(is_agent_name("own-agent_2"));
     EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));
     EXPECT_EQ(error("network", "(missing)"), metadata("'network' is missing"));
     EXPECT_THAT(error("network", "observation 2 21 18; softmax"), HasSubstr("its network has no layers"));

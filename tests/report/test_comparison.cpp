@@ -86,7 +86,30 @@ TEST_F(Comparing, CurvesHoldWhereAllRunsHaveAScore) {
     EXPECT_DOUBLE_EQ(game.mean.value, -12) << "the longer run counts to its end";
     EXPECT_DOUBLE_EQ(game.curve.values.back().low, -18);
     EXPECT_DOUBLE_EQ(game.curve.values.back().high, -10);
-    EXPECT_THAT(comparison.results[0].curve_steps, SizeIs(game.curve.steps.size()));
+    const auto& group = comparison.results[0];
+    EXPECT_THAT(group.curve_steps, SizeIs(game.curve.steps.size()));
+    // Pong's random play has -20.7, people 14.6.
+    EXPECT_NEAR(group.curve.front().front().value, (-15 + 20.7) / 35.3, 1e-9);
+    EXPECT_NEAR(group.curve.back().front().value, (-14 + 20.7) / 35.3, 1e-9);
+}
+
+TEST_F(Comparing, EventsAndRewardsAreTheMeansOfTheRunsThatHaveThem) {
+    const std::string header = "episode,return,length,frames\n";
+    const auto run = [&](const std::string& name, std::uint64_t seed) {
+        folders_.run(name, "sac", "Pong", seed, {-20});
+        folders_.write(name + "/eval/step_000000100.csv", header + "0,-20,4,16\n");
+        return name + "/eval/step_000000100_";
+    };
+    folders_.write(run("a", 1) + "events.csv", "event,count\nFIRE,3\nUP,1\n");
+    folders_.write(run("b", 2) + "events.csv", "event,count\nFIRE,1\nUP,3\n");
+    run("c", 3);
+    auto config = kQuick;
+    config.score = ScoreKind::evaluation;
+    const auto comparison = compared({}, config);
+    const auto& shares = comparison.results.at(0).games.at(0).event_shares;
+    ASSERT_THAT(shares, Not(IsEmpty()));
+    EXPECT_DOUBLE_EQ(shares.at(static_cast<std::size_t>(Event::fire)), 0.5);
+    EXPECT_DOUBLE_EQ(shares.at(static_cast<std::size_t>(Event::up)), 0.5);
 }
 
 TEST_F(Comparing, SaysWhatAReaderMustKnow) {

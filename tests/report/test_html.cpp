@@ -175,6 +175,9 @@ TEST_F(Html, AReportIsAFolderOfFiles) {
     const std::filesystem::path own = folders_.write("mine/scores.csv", "a user's");
     EXPECT_THROW(write_report(data, origin_, folders_.path() / "mine"), std::runtime_error);
     EXPECT_EQ(read(own), "a user's");
+    const std::filesystem::path notes = folders_.write("out/report/settings.md", "# What I think of it");
+    EXPECT_THROW(write_report(data, origin_, folder), std::runtime_error);
+    EXPECT_EQ(read(notes), "# What I think of it");
 }
 
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {

@@ -179,6 +179,23 @@ TEST_F(Recorded, GroupsCanBeGivenNames) {
     EXPECT_THAT(labels_of(compare(std::move(both), {}, config)), ElementsAre("mine", "sac", "der"));
 }
 
+TEST_F(Recorded, BaselinesCanBeGivenNamesThatNoGroupHas) {
+    const auto baselines_of = [&](const std::string& baseline, const std::string& label) {
+        auto config = kQuick;
+        config.names = {{label, "mine"}};
+        const auto comparison = compare(found(), {{baseline, {}}}, config);
+        EXPECT_THAT(comparison.left_out_baselines, testing::SizeIs(1)) << "it has no scores";
+        return labels_of(comparison).front() + ", " + comparison.left_out_baselines.front().what;
+    };
+    EXPECT_EQ(baselines_of("published", "published"), "der, mine");
+    EXPECT_EQ(baselines_of("der", "der"), "mine, der") << "the group is meant";
+    const auto refused = HasSubstr("are called der: give the group another name by --name 'der=NAME'");
+    EXPECT_THAT(error_of([&] { compare(found(), {{"der", {}}}, kQuick); }), refused);
+    auto config = kQuick;
+    config.names = {{"published", "der"}};
+    EXPECT_THAT(error_of([&] { compare(found(), {{"published", {}}}, config); }), refused);
+}
+
 TEST_F(Recorded, SaysWhatIsWrongWithATable) {
     const auto read = [&](const std::string& text) {
         const auto csv = folders_.write("bad.csv", text);

@@ -417,6 +417,11 @@ TEST_F(Runs, AreScoredByTheEvaluationsOfCaleEvaluateBeforeTheirOwn) {
     EXPECT_THAT(chosen[0].event_shares, Contains(1.0));
     EXPECT_THAT(group_runs(chosen, {}), SizeIs(2)) << "runs that were evaluated otherwise are another group";
     EXPECT_FALSE(found(ScoreKind::training).runs.at(0).settings.contains("evaluation"));
+
+    // A later checkpoint counts before one of more games.
+    folders_.write("a/evaluations/aa/protocol.json", R"({"protocol": "fixed_episodes", "games": 1})");
+    folders_.write("a/evaluations/aa/step_000000200.csv", games + "0,-11,7,28\n");
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).score(), -11);
 }
 
 TEST_F(Runs, AnEvaluationIsBesideTheRulesThatItWasPlayedBy) {

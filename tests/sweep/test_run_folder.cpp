@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "fake_program.h"
+#include "storage/run_lock.h"
 
 namespace cale {
 namespace {
@@ -104,6 +105,20 @@ TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);
     EXPECT_FALSE(RunClaim::is_taken(run)) << "the operating system took it back";
+    EXPECT_TRUE(RunClaim::take(run));
+}
+
+TEST_F(RunFolder, ARunThatWasStartedByHandIsTaken) {
+    const auto run = folder_.path() / "run";
+    fs::create_directories(run);
+    {
+        const RunLock by_hand(run);
+        EXPECT_TRUE(RunLock::is_taken(run));
+        EXPECT_TRUE(RunClaim::is_taken(run));
+        EXPECT_FALSE(RunClaim::take(run));
+        EXPECT_EQ(state(), RunPhase::running);
+    }
+    EXPECT_FALSE(RunLock::is_taken(run));
     EXPECT_TRUE(RunClaim::take(run));
 }
 

@@ -54,9 +54,13 @@ TEST(SweepTable, HasALineForEachRunAndWhyOneFailed) {
 }
 
 TEST(SweepTable, SaysThatARunPlaysItsLastEvaluation) {
-    const std::vector rows{row("a", {.state = RunPhase::running, .step = 1000, .steps_per_second = 20})};
+    std::vector rows{row("a", {.state = RunPhase::running, .step = 1000, .steps_per_second = 20})};
     EXPECT_THAT(table(rows, 200),
                 testing::HasSubstr("evaluating           1000/1000         -          -         -"));
+    EXPECT_EQ(summary(rows), "1 run: 1 running") << "it makes no more steps";
+    rows[0].evaluates = false;
+    EXPECT_THAT(table(rows, 200),
+                testing::HasSubstr("running              1000/1000         -          -         -"));
 }
 
 TEST(SweepTable, SaysAllThatARunIsRefusedFor) {

@@ -89,7 +89,7 @@ class Checkpoints : public testing::Test {
         return steps;
     }
     Checkpoint load() {
-        return load_newest_checkpoint(run, agent, /*with_replay=*/true, [&](const TensorMap& games) {
+        return load_newest_checkpoint(run, agent, [&](const TensorMap& games) {
             if (games_are_bad) throw std::runtime_error("these games cannot be");
             EXPECT_EQ(games.at("frames").numel(), 10);
         });

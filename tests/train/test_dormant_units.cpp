@@ -64,6 +64,43 @@ TEST(DormantShare, AllUnitsAreWhereNothingIsActive) {
     EXPECT_EQ(dormant_share(agent, 1), 1);
 }
 
+/// Sees a picture of a bright and a dark pixel. Of its channels, before a tanh, one never is active and one
+/// is negative.
+class OfFourChannels final : public Agent {
+  public:
+    OfFourChannels() {
+        const std::vector<std::uint8_t> seen{255, 0};
+        for (int step = 0; step < 2; ++step) replay_->add(0, {.frame = seen, .terminal = true});
+    }
+    torch::Tensor act(const torch::Tensor&, ActMode) override { return {}; }
+    void observe(const StepBatch&) override {}
+    bool update(const torch::Tensor&) override { return false; }
+    std::map<std::string, double> metrics() override { return {}; }
+    TensorMap state() override { return {}; }
+    void load_state(const TensorMap&) override {}
+    Replay* replay() override { return replay_.get(); }
+    std::optional<AgentPolicy> policy() const override {
+        return AgentPolicy{
+            .network = {.observation = {1, 1, 2},
+                        .layers = {Layer::conv("hidden", 4, 1, 1), Layer::of(Layer::Kind::tanh),
+                                   Layer::of(Layer::Kind::flatten)},
+                        .head = {.kind = Head::Kind::values, .num_actions = 2}},
+            .weights = {{"hidden.weight", torch::tensor({1.0f, 1.0f, -1.0f, 0.0f}).view({4, 1, 1, 1})},
+                        {"hidden.bias", torch::zeros({4})},
+                        {"head.out.weight", torch::zeros({2, 8})},
+                        {"head.out.bias", torch::zeros({2})}}};
+    }
+
+  private:
+    std::unique_ptr<Replay> replay_ =
+        make_replay({.capacity = 10, .observation = {1, {1, 2}}, .action_size = 0}, std::nullopt);
+};
+
+TEST(DormantShare, AChannelIsOneUnitAndCountsByItsSize) {
+    OfFourChannels agent;
+    EXPECT_EQ(dormant_share(agent, 1), 0.25);
+}
+
 TEST(DormantShare, NoneBeforeTheFirstTransition) {
     OfFourUnits agent;
     EXPECT_EQ(dormant_share(agent, 1), std::nullopt);

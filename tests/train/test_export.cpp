@@ -57,6 +57,11 @@ Case make_case(const std::string& name, const std::string& agent, AgentConfig ag
     env.threshold = 0.25;
     env.obs = obs;
     env.joystick = coordinates;
+    if (name == "sac_ram") {  // what else a policy must know of its world
+        env.event_map = EventMap::ale_0_10;
+        env.paddle_strength = PaddleStrength::radius;
+        env.frame_skip = 2;
+    }
     const auto yaml = [agent_config, env] {
         RunConfig<AgentConfig> config;
         auto table = settings_of(config);
@@ -223,6 +228,9 @@ TEST_P(ExportEmulator, ActsAsTheAgentEvaluates) {
     auto env = env_config_of(info);
     EXPECT_EQ(env.game, "breakout");
     EXPECT_EQ(env.threshold, 0.25);
+    EXPECT_EQ(env.event_map, GetParam().env.event_map);
+    EXPECT_EQ(env.paddle_strength, GetParam().env.paddle_strength);
+    EXPECT_EQ(env.frame_skip, GetParam().env.frame_skip);
     EXPECT_EQ(env.action_space, GetParam().env.action_space);
     EXPECT_EQ(env.joystick, GetParam().env.joystick);
     EXPECT_TRUE(env.rom_dir.empty());

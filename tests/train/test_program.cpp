@@ -189,6 +189,23 @@ TEST(ProgramEmulator, PausesAtAStepAndGoesOnAsIfItHadNot) {
     }
 }
 
+TEST(ProgramEmulator, AStoredReplayIsUsedAlsoWhereNoneIsStoredAnyMore) {
+    const TemporaryFolder folder;
+    const std::vector<std::string> learns{"agent.min_replay=20", "agent.batch_size=4",
+                                          "env.max_frames_per_episode=60", "train.total_steps=60"};
+    const auto whole = folder.path() / "whole", changed = folder.path() / "changed";
+    ASSERT_EQ(train_sac(small(whole, learns)).code, 0);
+    auto until = learns;
+    until.insert(until.end(), {"--until", "30"});
+    ASSERT_EQ(train_sac(small(changed, until)).code, 0);
+    ASSERT_EQ(train_sac(resuming(changed, 60, {"train.save_replay=false"})).code, 0);
+    const std::filesystem::path last = "checkpoints/step_000000060";
+    EXPECT_EQ(read_file(changed / last / "agent.safetensors.zst"),
+              read_file(whole / last / "agent.safetensors.zst"));
+    EXPECT_TRUE(std::filesystem::exists(whole / last / "replay.zst"));
+    EXPECT_FALSE(std::filesystem::exists(changed / last / "replay.zst"));
+}
+
 TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(), {"env.game=breakout", "--seed", "5"})).code, 0);
@@ -309,6 +326,7 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
              {"agent.encoder=IMPALA", "did you mean 'impala'?"},
              {"train.seed=12345678901234567890", "0 to 4294967295"},
              {"env.threshold=1.5", "0 to 1"},
+             {"agent.adam_epsilon=0", "1e-12"},
              {"env.rom_dir=/nowhere", "/nowhere"},
              {"env.stick_damping=1", "set env.stick_speed too, such as 0.2"},
              {"env.mode=7", "env.mode is 7, which Pong does not have: it has 0, 1"},
@@ -375,8 +393,19 @@ TEST(ProgramEmulator, SaysWhatItTrainsBeforeItMakesIt) {
     EXPECT_THAT(answer.stderr_text,
                 testing::AllOf(testing::StartsWith("sac on ALE/Pong-v5\n  encoder       data_efficient\n"),
                                testing::HasSubstr("  run folder    " + run.string() + "\n"),
+                               testing::Not(testing::HasSubstr("\n  evaluation")),
                                testing::EndsWith("\ntrain_sac: nothing is made\n")));
     EXPECT_FALSE(std::filesystem::exists(run.parent_path())) << "nor does it leave a folder behind";
+    EXPECT_THAT(train("sac", make_nothing, small(run, {"eval.episodes=3", "eval.every=1000"})).stderr_text,
+                testing::HasSubstr("\n  evaluation    3 games at the end, and every 1,000 steps\n"));
+}
+
+TEST(Program, AnAgentsNameFitsIntoFilesNames) {
+    const auto answer = train("c51.v2", make_nothing, {"--help"});
+    EXPECT_EQ(answer.code, 2);
+    EXPECT_EQ(answer.stderr_text,
+              "train_c51.v2: an agent cannot be called 'c51.v2' in run_program(): its name takes at most 64 "
+              "letters, digits, '_' and '-'\n");
 }
 
 TEST(ProgramEmulator, RunsThatStartInTheSameSecondHaveFoldersOfTheirOwn) {

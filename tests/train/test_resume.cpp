@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "storage/files.h"
+#include "storage/manifest.h"
 #include "support/temporary_folder.h"
 #include "train/checkpoint.h"
 #include "train/log.h"
@@ -100,6 +101,8 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
         instants += fmt::format(" {:.3f}", after);
         static_cast<void>(
             std::system(fmt::format("timeout -s KILL {:.3f} {}", after, command(killed)).c_str()));
+        for (const auto& checkpoint : list_checkpoints(killed))
+            EXPECT_NO_THROW(verify(checkpoint, read_manifest(checkpoint))) << "killed after" << instants;
     }
     ASSERT_EQ(std::system(command(killed).c_str()), 0) << read_file(killed.string() + ".log");
 

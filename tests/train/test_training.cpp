@@ -413,6 +413,112 @@ TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
     }
 }
 
+TEST_F(TrainingEmulator, KeepsTheCheckpointOfTheLargestEvaluation) {
+    /// Serves no ball, and scores nothing, but in its second evaluation.
+    struct OnceGood : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode != ActMode::evaluate) return ScribeAgent::act(observations, mode);
+            if (steps != 400) return torch::zeros({1, 3});
+            return torch::tensor({{1.0f, ++decisions % 7 < 4 ? 0.0f : 3.0f, 1.0f}});
+        }
+        int decisions = 0;
+    } agent(1);
+    eval.every = 200;
+    eval.episodes = 2;
+    eval.video = false;
+    train_config.total_steps = 600;
+    train_config.checkpoint_every = 200;
+    train_config.keep_checkpoints = 3;
+    train_config.keep_best = true;
+    EXPECT_EQ(train(agent), Outcome::finished);
+    const auto checkpoints = folder.path() / "checkpoints";
+    for (const std::string step : {"step_000000200", "step_000000400", "step_000000600"}) {
+        const auto games = lines("eval/" + step + ".csv");
+        ASSERT_EQ(games.size(), 3u) << "a header and two games";
+        double sum = 0;
+        for (std::size_t row = 1; row < games.size(); ++row) {
+            std::istringstream cells(games[row]);
+            std::string number, episode_return;
+            std::getline(cells, number, ',');
+            std::getline(cells, episode_return, ',');
+            sum += std::stod(episode_return);
+        }
+        EXPECT_EQ(score_in(checkpoints / step).at("mean_return"), sum / 2) << step;
+        EXPECT_EQ(sum > 0, step == "step_000000400") << step;
+    }
+    EXPECT_EQ(fs::read_symlink(checkpoints / "best"), "step_000000400");
+}
+
+TEST_F(TrainingEmulator, AnEndThatCannotBeStoredIsAnError) {
+    /// Replaces the folder of its checkpoints by a file, at the end.
+    struct Saboteur : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        void observe(const StepBatch& experiences) override {
+            ScribeAgent::observe(experiences);
+            if (steps != last) return;
+            fs::remove_all(checkpoints);
+            write_file_atomically(checkpoints, "a file");
+        }
+        fs::path checkpoints;
+        std::int64_t last = 400;
+    };
+    eval.episodes = 0;
+    for (const bool interrupted : {false, true}) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        Saboteur agent(1);
+        agent.checkpoints = place.path() / "checkpoints";
+        if (interrupted) agent.last = agent.interrupt_at = 142;
+        EXPECT_THROW(train(agent), std::exception) << interrupted;
+    }
+}
+
+TEST_F(TrainingEmulator, TheClockOfAResumedRunGoesOn) {
+    eval.episodes = 0;
+    ScribeAgent agent(1);
+    agent.interrupt_at = 342;
+    EXPECT_EQ(train(agent), Outcome::interrupted);
+    options.resume = true;
+    ScribeAgent second(1);
+    EXPECT_EQ(train(second), Outcome::finished);
+    const auto seconds = read_progress(folder.path() / "progress.csv").at("seconds");
+    ASSERT_EQ(seconds.size(), 4u);
+    EXPECT_TRUE(std::ranges::is_sorted(seconds)) << testing::PrintToString(seconds);
+}
+
+/// Whose episodes have one step, and a return that is their number.
+class NumberedEpisodes final : public World {
+  public:
+    std::int64_t size() const override { return 1; }
+    ActionSpace action_space() const override { return joystick_space(); }
+    ObservationSpace observation_space() const override { return {.stack = 4, .shape = {2, 2}}; }
+    void reset(std::span<std::uint8_t> frames) override { std::ranges::fill(frames, 0); }
+    void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t>,
+              std::span<StepResult> results) override {
+        std::ranges::fill(frames, 0);
+        results[0] = {.reward = static_cast<float>(++episodes_), .terminal = true, .episode_over = true};
+    }
+    std::vector<EpisodeRecord> record() const override { return {{}}; }
+    void resume(std::span<const EpisodeRecord>) override {}
+
+  private:
+    int episodes_ = 0;
+};
+
+TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
+    eval.episodes = 0;
+    train_config.total_steps = 150;
+    log.every = 50;
+    ScribeAgent agent(1);
+    TrainingWorld world;
+    world.id = world.name = "Numbered";
+    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(); };
+    EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
+    EXPECT_THAT(read_progress(folder.path() / "progress.csv").at("charts/avg_episodic_return"),
+                testing::ElementsAre(25.5, 50.5, 100.5));
+}
+
 TEST_F(TrainingEmulator, AFinishedRunMadeLongerPlaysItsEvaluationsAsOneThatWasNot) {
     /// Its evaluations differ by how many decisions it made in those before.
     struct Drawing : ScribeAgent {
