@@ -44,7 +44,7 @@ TEST_P(ConfigurationsSlow, RunsTwoHundredSteps) {
     std::string command = CALE_BINARY_DIR "/train_" + agent + " --config " + configuration + " --run-dir " +
                           run.string() + " --threads 1 --no-progress --seed 3";
     const std::string of_agent = agent == "ppo"
-                                     ? "agent.rollout_steps=64 agent.minibatch_size=16"
+                                     ? "agent.rollout_steps=64 agent.minibatch_size=16 agent.epochs=1"
                                      : "agent.min_replay=180 agent.replay_capacity=1000 agent.batch_size=4";
     command += " train.total_steps=200 eval.episodes=1 eval.video=false env.max_frames_per_episode=400 " +
                of_agent + " log.every=50 > " + (folder.path() / "output").string() + " 2>&1";

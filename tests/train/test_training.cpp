@@ -763,7 +763,7 @@ TEST_F(TrainingEmulator, GamesThatCannotBeReplayedAreNoCrash) {
 TEST_F(TrainingEmulator, TheSameSeedGivesTheSameRunOfSac) {
     at::set_num_threads(1);
     SacConfig config;
-    config.network.encoder = EncoderKind::phi_dqn;
+    config.network.encoder = EncoderKind::data_efficient;
     config.network.hidden_units = 16;
     config.replay.min_replay = 30;
     config.replay.update_period = 8;
