@@ -322,8 +322,8 @@ void Recorder::write_row(bool to_tensorboard) {
     files_->speed = {state_.step, seconds};
 }
 
-/// Until a resumed agent has made an update, those of the checkpoint. An evaluation that leaves the agent as it
-/// was takes its metrics away: state_ keeps them.
+/// Until a resumed agent has made an update, those of the checkpoint. An evaluation that leaves the agent as
+/// it was takes its metrics away: state_ keeps them.
 const std::map<std::string, double>& Recorder::newest_metrics() {
     auto metrics = agent_.metrics();
     const auto is_loss = [](const auto& metric) { return metric.first.starts_with("losses/"); };

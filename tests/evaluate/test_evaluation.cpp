@@ -464,6 +464,7 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     Evaluation uneven;
     uneven.mean_return = 3;
     uneven.standard_deviation = 3.7;
+    uneven.rewards = {{0.0f, 1}};
     for (const double episode_return : {0, 0, 2, 3, 10})
         uneven.games.push_back({.episode_return = episode_return});
     write_evaluation_report(folder.path() / "uneven", {.source = "run",
