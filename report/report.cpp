@@ -40,7 +40,7 @@ void remove_report(const fs::path& folder) {
 /// Returns a file of these names that no earlier report wrote, or empty.
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
     for (const auto& name : names)
-        if (const auto file = folder / name; fs::exists(file) && !is_of_report(file)) return file;
+        if (auto file = folder / name; fs::exists(file) && !is_of_report(file)) return file;
     return {};
 }
 
