@@ -18,29 +18,32 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Returns whether an earlier report has written the file: one is in its folder and, since notes may be
-/// called like a table of it, Markdown is a table.
-bool is_of_report(const fs::path& file) {
-    if (!fs::exists(file.parent_path() / "report.html")) return false;
-    return file.extension() != ".md" || std::ifstream(file).get() == '|';
+bool has_report(const fs::path& folder) {
+    return fs::exists(folder / "report.html");
+}
+
+/// Whether it is Markdown that no report wrote, whose tables begin with '|': notes may be called like one.
+bool is_notes(const fs::path& file) {
+    return file.extension() == ".md" && std::ifstream(file).get() != '|';
 }
 
 /// Removes the files beside the page of an earlier report in the folder: those that the new one does not have
 /// would stand beside it as if they were its own.
 void remove_report(const fs::path& folder) {
+    if (!has_report(folder)) return;
     for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
                              "performance_profiles", "probability_of_improvement", "game_curves",
                              "game_scores", "events", "zones", "rewards"}) {
         for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
-            if (const auto file = folder / (std::string(name) + extension); is_of_report(file))
-                fs::remove(file);
+            if (const auto file = folder / (std::string(name) + extension); !is_notes(file)) fs::remove(file);
     }
 }
 
 /// Returns a file of these names that no earlier report wrote, or empty.
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
+    const bool reported = has_report(folder);
     for (const auto& name : names)
-        if (auto file = folder / name; fs::exists(file) && !is_of_report(file)) return file;
+        if (auto file = folder / name; fs::exists(file) && (!reported || is_notes(file))) return file;
     return {};
 }
 

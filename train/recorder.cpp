@@ -288,7 +288,8 @@ void Recorder::write_row(bool to_tensorboard) {
     if (!files_) return;
     const double seconds = files_->stopwatch.seconds();
     const double steps_per_second = files_->speed.read(state_.step, seconds);
-    auto metrics = newest_metrics();
+    update_metrics();
+    auto metrics = state_.metrics;
     // Nothing was measured where a run is resumed at its end.
     for (const auto& [name, part] : TimeSplit::kParts)
         if (time.total() > 0) metrics[fmt::format("time/{}", name)] = time.*part / time.total();
@@ -322,9 +323,9 @@ void Recorder::write_row(bool to_tensorboard) {
     files_->speed = {state_.step, seconds};
 }
 
-/// Until a resumed agent has made an update, those of the checkpoint. An evaluation that leaves the agent as
-/// it was takes its metrics away: state_ keeps them.
-const std::map<std::string, double>& Recorder::newest_metrics() {
+/// Until a resumed agent has made an update, those of the checkpoint stay, and behind an evaluation that
+/// leaves the agent as it was, and so without metrics, those of its last update.
+void Recorder::update_metrics() {
     auto metrics = agent_.metrics();
     const auto is_loss = [](const auto& metric) { return metric.first.starts_with("losses/"); };
     const bool updated = std::ranges::any_of(metrics, is_loss);
@@ -332,7 +333,6 @@ const std::map<std::string, double>& Recorder::newest_metrics() {
     if (!updated) metrics.insert(state_.metrics.begin(), state_.metrics.end());
     check_finite(metrics, state_, options_.run_dir);
     state_.metrics = std::move(metrics);
-    return state_.metrics;
 }
 
 // Checkpoints -----------------------------------------------------------------------------
@@ -359,7 +359,7 @@ void Recorder::write_checkpoint() {
     }
     const Collector::Pause pause(collector_);
     files_->checkpoints.finish();
-    newest_metrics();
+    update_metrics();
     files_->episodes.sync();
     files_->progress.sync();
     state_.seconds = files_->stopwatch.seconds();
@@ -410,7 +410,7 @@ bool Recorder::run_evaluation() {
                 derive_seed(static_cast<std::uint64_t>(settings_.train.seed), "evaluation at", state_.step),
                 video);
         } catch (const Interrupted&) {
-            newest_metrics();
+            update_metrics();
             agent_.load_state(agent_before);
             return false;
         }

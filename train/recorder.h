@@ -57,7 +57,7 @@ class Recorder {
     bool run_evaluation();
     bool last_evaluation_due() const;
     bool run_last_evaluation();
-    const std::map<std::string, double>& newest_metrics();
+    void update_metrics();
     std::string closing_line() const;
     void draw_curve() const;
 

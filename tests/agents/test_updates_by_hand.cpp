@@ -1,11 +1,9 @@
 // The first update of every agent with a replay, made once more by hand: from settings to what is sampled,
 // shifted, drawn, weighed and learned. The losses themselves are held by the golden tests.
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <map>
-#include <memory>
-#include <optional>
 #include <random>
 #include <string>
 #include <utility>
@@ -41,10 +39,9 @@ ReplaySettings unusual_replay() {
     return settings;
 }
 
-/// The agent's memory as a replay of its own, and the streams that its updates draw from
-/// (agents/off_policy.cpp).
+/// The agent's memory, and the streams that its updates draw from (agents/off_policy.cpp) from their start.
 struct Sampler {
-    explicit Sampler(Agent& agent, const AgentSpec& spec)
+    Sampler(Agent& agent, const AgentSpec& spec)
         : replay(dynamic_cast<ReplayBuffer&>(*agent.replay())),
           engine(stream_seed(spec.seed, 2)),
           updates(make_generator(stream_seed(spec.seed, 3))) {}
@@ -52,7 +49,6 @@ struct Sampler {
     Batch sample(const ReplaySettings& settings) {
         auto batch = replay.empty_batch(settings.batch_size);
         replay.sample_into(batch, engine);
-        if (settings.random_shift == 0) return batch;
         batch.observation = random_shift(batch.observation, settings.random_shift, updates);
         batch.next_observation = random_shift(batch.next_observation, settings.random_shift, updates);
         return batch;
@@ -74,6 +70,15 @@ void expect_close(const torch::nn::Module& module, const TensorMap& state, const
     const auto stored = part_of(state, prefix);
     for (const auto& [name, parameter] : parameters_of(module))
         EXPECT_TRUE(torch::allclose(parameter, stored.at(name), 1e-5, 1e-7)) << prefix << name;
+}
+
+/// A network and its target, each made by `make`, with the parameters of the agent's.
+template <class Make>
+auto pair_of(const Make& make, const TensorMap& state) {
+    std::pair networks{make(), make()};
+    load(*networks.first, state, "network/");
+    load(*networks.second, state, "target/");
+    return networks;
 }
 
 /// By hand everything is on the CPU, so the agent is, too.
@@ -136,16 +141,10 @@ TEST(UpdatesByHand, OfDqn) {
     const auto spec = on_the_cpu(discrete_world());
     const auto agent = make_dqn(config, spec);
     const auto before = at_first_update(*agent, spec);
-    QNetwork network(
-        small_encoder(),
-        QHeadConfig{.num_actions = kNumActions, .hidden_units = 16, .dueling = true, .layer_norm = true},
-        make_generator(1));
-    auto target = QNetwork(
-        small_encoder(),
-        QHeadConfig{.num_actions = kNumActions, .hidden_units = 16, .dueling = true, .layer_norm = true},
-        make_generator(1));
-    load(*network, before, "network/");
-    load(*target, before, "target/");
+    const QHeadConfig head{
+        .num_actions = kNumActions, .hidden_units = 16, .dueling = true, .layer_norm = true};
+    const auto [network, target] =
+        pair_of([&] { return QNetwork(small_encoder(), head, make_generator(1)); }, before);
     QState by_hand(network, target, kAdam);
     const auto losses = dqn_update(by_hand, Sampler(*agent, spec).sample(config.replay), config);
 
@@ -181,10 +180,8 @@ TEST(UpdatesByHand, OfDerWithTheJoystick) {
                            .value_limit = 3,
                            .factors = {3, 3, 2},
                            .layer_norm = true};
-    QNetwork network(small_encoder(), head, make_generator(1)),
-        target(small_encoder(), head, make_generator(1));
-    load(*network, before, "network/");
-    load(*target, before, "target/");
+    const auto [network, target] =
+        pair_of([&] { return QNetwork(small_encoder(), head, make_generator(1)); }, before);
     QState by_hand(network, target, kAdam);
     const auto batch = sampler.sample(config.replay);
     EXPECT_GT((batch.probability.max() / batch.probability.min()).item<double>(), 1.5);
@@ -202,13 +199,11 @@ TEST(UpdatesByHand, OfDerWithTheJoystick) {
 
     // Each sampled transition has the fourth root of its loss, where it was sampled first.
     std::map<std::int64_t, double> priorities;
-    for (std::int64_t i = 0; i < stored.size(0); ++i)
-        priorities[stored[i].item<std::int64_t>()] = static_cast<double>(i) + 1;
-    std::map<std::int64_t, double> given;
     for (std::int64_t i = 0; i < config.replay.batch_size; ++i)
-        given.emplace(batch.index[i].item<std::int64_t>(),
-                      std::pow(losses.per_transition[i].item<double>(), 0.25));
-    for (const auto& [index, priority] : given) priorities[index] = priority;
+        priorities.emplace(batch.index[i].item<std::int64_t>(),
+                           std::pow(losses.per_transition[i].item<double>(), 0.25));
+    for (std::int64_t i = 0; i < stored.size(0); ++i)
+        priorities.emplace(stored[i].item<std::int64_t>(), uneven[i].item<double>());
     double sum = 0;
     for (const auto& [index, priority] : priorities) sum += priority;
     const auto after = memory_of(*agent);
@@ -238,10 +233,8 @@ TEST(UpdatesByHand, OfSacWithEverythingThatThePapersHasNot) {
     encoder.layer_norm = true;
     const HeadConfig head{.hidden_layers = 2, .hidden_units = 16, .layer_norm = true};
     const auto support = torch::linspace(-3, 3, 7);
-    SacNetwork network(encoder, head, make_generator(1), box, support),
-        target(encoder, head, make_generator(1), box, support);
-    load(*network, before, "network/");
-    load(*target, before, "target/");
+    const auto [network, target] =
+        pair_of([&] { return SacNetwork(encoder, head, make_generator(1), box, support); }, before);
     ActorCriticState<SacNetwork> by_hand(network, target, torch::tensor({std::log(0.3f)}).requires_grad_(),
                                          kAdam, AdamConfig{.learning_rate = 0.02, .epsilon = kAdamEpsilon});
     Sampler sampler(*agent, spec);
@@ -281,10 +274,8 @@ TEST(UpdatesByHand, OfSacd) {
     const auto agent = make_sacd(config, spec);
     const auto before = at_first_update(*agent, spec);
     const HeadConfig head{.hidden_units = 16};
-    SacdNetwork network(small_encoder(), head, kNumActions, make_generator(1)),
-        target(small_encoder(), head, kNumActions, make_generator(1));
-    load(*network, before, "network/");
-    load(*target, before, "target/");
+    const auto [network, target] =
+        pair_of([&] { return SacdNetwork(small_encoder(), head, kNumActions, make_generator(1)); }, before);
     ActorCriticState<SacdNetwork> by_hand(
         network, target, torch::tensor({std::log(0.3f)}).requires_grad_(), kAdam,
         AdamConfig{.learning_rate = kLearningRate, .epsilon = kAdamEpsilon});
