@@ -25,6 +25,7 @@
 #include "agents/process.h"
 #include "bench/command_line.h"
 #include "bench/updates.h"
+#include "cale/text.h"
 
 namespace {
 
@@ -262,9 +263,9 @@ int roofline(int argc, char** argv) {
         const auto peaks = measured_peaks(precision);
         const bool needed = std::ranges::count(chosen, precision, [](const auto& c) { return c.second; }) > 0;
         if (!needed) continue;
-        fmt::print("{} thread{}: a product {:.1f} GFLOP/s{}, a copy {:.1f} GB/s\n", threads,
-                   threads == 1 ? "" : "s", peaks.flops / 1e9,
-                   precision == cale::Precision::bf16 ? " in bfloat16" : "", peaks.bytes / 1e9);
+        fmt::print("{}: a product {:.1f} GFLOP/s{}, a copy {:.1f} GB/s\n", cale::counted(threads, "thread"),
+                   peaks.flops / 1e9, precision == cale::Precision::bf16 ? " in bfloat16" : "",
+                   peaks.bytes / 1e9);
         for (const auto& [update, its_precision] : chosen)
             if (its_precision == precision) measure(*update, precision, peaks);
     }

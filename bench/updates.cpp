@@ -139,8 +139,9 @@ Update ppo(PpoNetworkConfig network_config, const Computation& how) {
 
 std::vector<NamedUpdate> updates() {
     std::vector<NamedUpdate> all;
-    for (const auto encoder : {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala,
-                               EncoderKind::compact, EncoderKind::data_efficient}) {
+    for (const auto encoder :
+         {EncoderKind::phi_sac, EncoderKind::phi_dqn, EncoderKind::impala, EncoderKind::compact,
+          EncoderKind::data_efficient, EncoderKind::phi_dqn_2013}) {
         all.push_back({"sac_" + std::string(name_of(encoder)),
                        [=](const Computation& how) { return sac(encoder, how); }});
     }

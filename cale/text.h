@@ -2,6 +2,7 @@
 #pragma once
 
 #include <charconv>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -41,6 +42,11 @@ std::string setting_text(const IntegerRange& range);
 template <class Number>
 std::string setting_text(const std::optional<Number>& value) {
     return value ? setting_text(*value) : "none";
+}
+
+/// Returns "1 run", or "3 runs".
+std::string counted(std::integral auto count, std::string_view noun) {
+    return std::to_string(count).append(" ").append(noun).append(count == 1 ? "" : "s");
 }
 
 /// Returns the length of the UTF-8 character that the text (not empty) begins with; 0 if it begins with none.

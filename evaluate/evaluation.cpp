@@ -301,11 +301,10 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     return evaluation;
 }
 
-Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games,
-                    std::uint64_t seed) {
+Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const EvaluationPlan& plan) {
     Evaluation evaluation;
-    for (std::int64_t number = 0; number < games; ++number) {
-        const auto seed_of_game = derive_seed(seed, "evaluation", number);
+    for (std::int64_t number = 0; number < plan.games; ++number) {
+        const auto seed_of_game = derive_seed(plan.seed, "evaluation", number);
         const auto world = make_world({&seed_of_game, 1});
         const auto space = world->observation_space();
         std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size())),
@@ -320,7 +319,9 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int6
             world->step(view_of_actions(actions), frame, last_frame, {&step, 1});
             stack.follow(0, step, frame);
             count_step(game, step);
+            if (plan.stepped) plan.stepped(1);
         }
+        if (plan.ended) plan.ended(number, game);
         evaluation.games.push_back(std::move(game));
     }
     add_up(evaluation);

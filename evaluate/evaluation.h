@@ -89,10 +89,10 @@ Actions view_of_actions(const torch::Tensor& actions);
 /// and does not end the game. Throws what `decide` and the environments throw.
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
-/// Plays `games` episodes in sequence, each in a new world with a seed derived from `seed` and its number.
-/// Throws what `decide` and the world throw.
-Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, std::int64_t games,
-                    std::uint64_t seed);
+/// Plays the plan's games in sequence, each in a new world with a seed derived from the plan's and its
+/// number. Of the plan only games, seed, ended and stepped apply: the rest is Atari's. Throws what `decide`
+/// and the world throw.
+Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const EvaluationPlan& plan);
 
 /// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.
 /// Throws std::invalid_argument for no rewards.

@@ -13,8 +13,8 @@ std::int64_t known_limit(std::int64_t limit) {
 
 }  // namespace
 
-EvaluationProgress::EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title)
-    : console_(console) {
+EvaluationProgress::EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title, bool lines)
+    : console_(console), lines_(lines) {
     progress_.title = std::move(title);
     progress_.total_games = known_limit(plan.games);
     progress_.total_steps = known_limit(plan.steps);
@@ -28,7 +28,10 @@ EvaluationProgress::EvaluationProgress(Console& console, EvaluationPlan& plan, s
         count(game);
         update_speed();
         progress_.values = {{"return", game.episode_return}};
-        console_.report(progress_);
+        if (lines_)
+            console_.report(progress_);
+        else
+            console_.draw(progress_);
         progress_.values.clear();
     };
     plan.stepped = [this, before = plan.stepped](std::int64_t steps) {

@@ -10,12 +10,13 @@
 
 namespace cale {
 
-/// A bar on a terminal, a line per game elsewhere: games that have ended, their mean return, the time left.
+/// A bar on a terminal, elsewhere a line per game or nothing: games that have ended, their mean return, the
+/// time left.
 class EvaluationProgress {
   public:
     /// Sets callbacks of `plan`: it must outlive the evaluation, and the console must outlive it. `title`
     /// begins every line. The plan's `known` games count as played.
-    EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title = "");
+    EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title = "", bool lines = true);
     EvaluationProgress(const EvaluationProgress&) = delete;
     EvaluationProgress& operator=(const EvaluationProgress&) = delete;
 
@@ -24,6 +25,7 @@ class EvaluationProgress {
     void update_speed();
 
     Console& console_;
+    bool lines_;  // where there is no bar
     GamesProgress progress_;
     double sum_of_returns_ = 0;
     std::int64_t steps_of_games_ = 0;  // that have ended

@@ -131,6 +131,7 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"epsilon", plan.epsilon},
                                    {"env", env},
                                    {"games", evaluation.games.size()},
+                                   {"steps", nullptr},
                                    {"mean", summary.mean},
                                    {"standard_deviation", summary.standard_deviation},
                                    {"median", summary.median},
@@ -139,6 +140,7 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"maximum", summary.maximum},
                                    {"human_normalised", nullptr},
                                    {"random_play", nullptr}};
+    if (plan.steps != std::numeric_limits<std::int64_t>::max()) json["steps"] = plan.steps;
     if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
     if (const auto floor = random_floor(plan.env)) json["random_play"] = *floor;
     write_evaluation(folder / (name + ".csv"), evaluation);

@@ -34,7 +34,7 @@ Layers no_branch(const EncoderConfig&, bool) {
 }
 
 /// In the order of EncoderKind.
-constexpr std::array<Encoder, 7> kEncoders{{
+constexpr std::array<Encoder, 8> kEncoders{{
     {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, narrow_branch,
      [] { return orthogonal(); }},
     {"phi_dqn",
@@ -46,6 +46,7 @@ constexpr std::array<Encoder, 7> kEncoders{{
     {"compact", [](const EncoderConfig&) { return compact(); }, narrow_branch, glorot_uniform},
     {"flat", [](const EncoderConfig&) { return flat(); }, no_branch, glorot_uniform},
     {"data_efficient", [](const EncoderConfig&) { return data_efficient(); }, narrow_branch, glorot_uniform},
+    {"phi_dqn_2013", [](const EncoderConfig&) { return phi_dqn_2013(); }, narrow_branch, glorot_uniform},
 }};
 
 const Encoder& encoder_of(const EncoderConfig& config) {

@@ -17,7 +17,7 @@
 namespace cale {
 
 /// The encoders that agents choose from; one row each of the table in encoders.cpp.
-enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact, flat, data_efficient };
+enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact, flat, data_efficient, phi_dqn_2013 };
 /// conv2d: the convolutions as Mnih et al. meant them. row1d: as Dopamine's CALE agents run
 /// them, where each row of the image is convolved by itself.
 enum class PhiDqn { conv2d, row1d };
@@ -62,7 +62,7 @@ class Trunk {
 
 /// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains
 /// the trunk, the actor's does not.
-///   phi_sac, mlp, compact, data_efficient
+///   phi_sac, mlp, compact, data_efficient, phi_dqn_2013
 ///               Dense 50, LayerNorm, tanh on both branches: few enough for an action of three numbers to
 ///               count beside them in the critics
 ///   flat        nothing: the actor and each critic have their layers to themselves

@@ -1,5 +1,6 @@
 #include "policy/encoder_layers.h"
 
+#include <initializer_list>
 #include <utility>
 
 namespace cale {
@@ -9,26 +10,25 @@ Layer relu() {
     return Layer::of(Layer::Kind::relu);
 }
 
-}  // namespace
-
-Layers phi_sac(Padding padding) {
-    Layers layers{Layer::conv("conv1", 32, 3, 2, padding), relu()};
-    for (const auto* name : {"conv2", "conv3", "conv4"}) {
-        layers.push_back(Layer::conv(name, 32, 3, 1, padding));
-        layers.push_back(relu());
-    }
+/// The convolutions, each with ReLU; flattened.
+Layers convolutions(std::initializer_list<Layer> of) {
+    Layers layers;
+    for (const auto& convolution : of) layers.insert(layers.end(), {convolution, relu()});
     layers.push_back(Layer::of(Layer::Kind::flatten));
     return layers;
 }
 
+}  // namespace
+
+Layers phi_sac(Padding padding) {
+    return convolutions({Layer::conv("conv1", 32, 3, 2, padding), Layer::conv("conv2", 32, 3, 1, padding),
+                         Layer::conv("conv3", 32, 3, 1, padding), Layer::conv("conv4", 32, 3, 1, padding)});
+}
+
 Layers phi_dqn(Padding padding, bool rows) {
-    return {Layer::conv("conv1", 32, 8, 4, padding, rows),
-            relu(),
-            Layer::conv("conv2", 64, 4, 2, padding, rows),
-            relu(),
-            Layer::conv("conv3", 64, 3, 1, padding, rows),
-            relu(),
-            Layer::of(Layer::Kind::flatten)};
+    return convolutions({Layer::conv("conv1", 32, 8, 4, padding, rows),
+                         Layer::conv("conv2", 64, 4, 2, padding, rows),
+                         Layer::conv("conv3", 64, 3, 1, padding, rows)});
 }
 
 Layers impala() {
@@ -55,18 +55,19 @@ Layers impala() {
 }
 
 Layers compact() {
-    Layers layers;
-    for (const auto& [name, stride] : {std::pair{"conv1", 2}, {"conv2", 2}, {"conv3", 2}, {"conv4", 1}}) {
-        layers.push_back(Layer::conv(name, 32, 3, stride, Padding::valid));
-        layers.push_back(relu());
-    }
-    layers.push_back(Layer::of(Layer::Kind::flatten));
-    return layers;
+    constexpr auto valid = Padding::valid;
+    return convolutions({Layer::conv("conv1", 32, 3, 2, valid), Layer::conv("conv2", 32, 3, 2, valid),
+                         Layer::conv("conv3", 32, 3, 2, valid), Layer::conv("conv4", 32, 3, 1, valid)});
 }
 
 Layers data_efficient() {
-    return {Layer::conv("conv1", 32, 5, 5, Padding::valid), relu(),
-            Layer::conv("conv2", 64, 5, 5, Padding::valid), relu(), Layer::of(Layer::Kind::flatten)};
+    return convolutions(
+        {Layer::conv("conv1", 32, 5, 5, Padding::valid), Layer::conv("conv2", 64, 5, 5, Padding::valid)});
+}
+
+Layers phi_dqn_2013() {
+    return convolutions(
+        {Layer::conv("conv1", 16, 8, 4, Padding::valid), Layer::conv("conv2", 32, 4, 2, Padding::valid)});
 }
 
 Layers mlp(bool layer_norm) {

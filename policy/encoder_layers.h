@@ -4,6 +4,7 @@
 //   phi_dqn  Mnih et al. 2015, "Human-level control through deep reinforcement learning"
 //   data_efficient  van Hasselt, Hessel & Aslanides 2019, "When to use parametric models in reinforcement
 //                   learning?", appendix E (data-efficient Rainbow)
+//   phi_dqn_2013  Mnih et al. 2013, "Playing Atari with Deep Reinforcement Learning", section 4.1
 //   compact  Fujimoto et al. 2025, "Towards General-Purpose Model-Free RL" (MR.Q), appendix B, with ReLU
 //   impala   Espeholt et al. 2018, "IMPALA", figure 3 right, without the LSTM
 #pragma once
@@ -28,6 +29,9 @@ Layers compact();
 /// conv1, conv2: 32@5x5/5, 64@5x5/5, ReLU, not padded; flattened: 576 numbers of an 84x84 frame, after 1.3
 /// million multiplications where compact has 6.8.
 Layers data_efficient();
+/// conv1, conv2: 16@8x8/4, 32@4x4/2, ReLU, not padded; flattened: 2,592 numbers of an 84x84 frame, after 2.3
+/// million multiplications.
+Layers phi_dqn_2013();
 /// fc1, fc2: two dense layers of 256 units, each with ReLU, on the flattened observation. For observations
 /// that are no images, such as the console's 128 bytes of RAM: the size of Stable-Baselines3's networks for
 /// state vectors. 84x84 frames work too. `layer_norm`: before each ReLU.

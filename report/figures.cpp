@@ -8,6 +8,7 @@
 #include <span>
 #include <utility>
 
+#include "cale/text.h"
 #include "report/panel.h"
 #include "report/tables.h"
 
@@ -25,10 +26,10 @@ bool all_intervals(const Comparison& comparison) {
 }
 
 std::string method_of(const Comparison& comparison, std::int64_t resamples) {
-    const auto counted = fmt::format("{} game{}; {}", comparison.games.size(),
-                                     comparison.games.size() == 1 ? "" : "s", runs_text(comparison));
-    if (!some_interval(comparison)) return counted + "; no intervals, which need several runs per game";
-    return fmt::format("{}; {:g} % stratified bootstrap intervals{}, {} resamples", counted,
+    const auto sample =
+        fmt::format("{}; {}", counted(comparison.games.size(), "game"), runs_text(comparison));
+    if (!some_interval(comparison)) return sample + "; no intervals, which need several runs per game";
+    return fmt::format("{}; {:g} % stratified bootstrap intervals{}, {} resamples", sample,
                        100 * comparison.config.bootstrap.confidence,
                        all_intervals(comparison) ? "" : " of groups with several runs per game", resamples);
 }

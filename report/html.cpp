@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "cale/text.h"
 #include "report/panel.h"
 #include "report/tables.h"
 
@@ -187,7 +188,7 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
             if (!run.made_with.empty()) ++made_with[run.made_with];
     std::vector<std::string> versions{origin.version + " made this page"};
     for (const auto& [version, count] : made_with)
-        versions.push_back(fmt::format("{} made {} run{}", version, count, count == 1 ? "" : "s"));
+        versions.push_back(fmt::format("{} made {}", version, counted(count, "run")));
 
     std::string html = heading("method", "How this was made");
     html += fmt::format("<div class=\"card\"><code>{}</code></div>\n", escaped(origin.command));
@@ -215,10 +216,9 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
 std::string summary(const Comparison& comparison) {
     std::size_t runs = 0;
     for (const auto& group : comparison.groups) runs += group.runs.size();
-    const auto compared = comparison.games.size();
-    return fmt::format("{} run{} in {} group{}; {}; aggregates over {} game{}", runs, runs == 1 ? "" : "s",
-                       comparison.groups.size(), comparison.groups.size() == 1 ? "" : "s",
-                       runs_text(comparison), compared, compared == 1 ? "" : "s");
+    return fmt::format("{} in {}; {}; aggregates over {}", counted(runs, "run"),
+                       counted(comparison.groups.size(), "group"), runs_text(comparison),
+                       counted(comparison.games.size(), "game"));
 }
 
 std::string game_names(const Comparison& comparison) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cale/text.h"
 #include "report/csv.h"
 #include "report/panel.h"
 
@@ -239,12 +240,8 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
     picture.words.push_back({"agent steps", {axes.right, kBottom + 40}, kInk, 13, Anchor::end});
     if (count > 0) {
-        picture.words.push_back({fmt::format("mean of {} episode{}", window, window == 1 ? "" : "s"),
-                                 {kRightEdge, 30},
-                                 kBold,
-                                 13,
-                                 Anchor::end,
-                                 true});
+        picture.words.push_back(
+            {"mean of " + counted(window, "episode"), {kRightEdge, 30}, kBold, 13, Anchor::end, true});
         picture.words.push_back({fmt::format("each of {} episodes", count),
                                  {kRightEdge, 48},
                                  {0x6f, 0xa3, 0xd6},

@@ -19,6 +19,7 @@
 #include "sweep/run_folder.h"
 #include "sweep/sweep_console.h"
 #include "terminal/console.h"
+#include "terminal/exit_code.h"
 #include "train/resume.h"
 
 namespace cale {
@@ -35,8 +36,6 @@ constexpr auto kGrace = std::chrono::seconds(1);
 std::string_view end_of(const PlannedRun& planned) {
     return planned.until > 0 ? "paused" : "finished";
 }
-
-enum TrainExit { kDone = 0, kUsage = 2, kCannotResume = 3 };
 
 volatile std::sig_atomic_t stops = 0;
 volatile std::sig_atomic_t interrupts = 0;
@@ -120,7 +119,7 @@ class LocalRunner {
         }
         console_.finish(rows());
         if (stops > 0) return kInterrupted;
-        return count(RunPhase::failed) + count(RunPhase::refused) > 0 ? kSomeFailed : kAllFinished;
+        return count(RunPhase::failed) + count(RunPhase::refused) > 0 ? kFailed : kDone;
     }
 
   private:

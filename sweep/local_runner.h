@@ -10,9 +10,6 @@
 
 namespace cale {
 
-/// Exit codes of `cale sweep`.
-enum SweepExit { kAllFinished = 0, kSomeFailed = 1, kInterrupted = 130 };
-
 struct LocalOptions {
     int threads = 1;         // of a run
     int retries = 2;         // how often a failed run is retried without further progress

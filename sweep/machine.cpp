@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <sched.h>
 
+#include "cale/text.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
 #include "settings/config.h"
@@ -52,8 +53,7 @@ Slots share(const Machine& machine, const Sharing& sharing, std::span<const Plan
     const auto memory = sharing.memory_per_run > 0 ? sharing.memory_per_run : largest_memory(runs);
     Slots result;
     auto jobs = std::max<std::size_t>(1, machine.cpus.size() / threads);
-    result.reason =
-        fmt::format("{} cores, {} thread{} a run", machine.cpus.size(), threads, threads == 1 ? "" : "s");
+    result.reason = fmt::format("{} cores, {} a run", machine.cpus.size(), counted(threads, "thread"));
     const auto limit = [&](std::size_t most, std::string reason) {
         if (most >= jobs) return;
         jobs = std::max<std::size_t>(1, most);
@@ -64,8 +64,7 @@ Slots share(const Machine& machine, const Sharing& sharing, std::span<const Plan
     if (devices.front() != "cpu") {
         const auto gpus = devices.size();
         limit(gpus * static_cast<std::size_t>(sharing.per_gpu),
-              fmt::format("{} GPU{}, {} run{} on each", gpus, gpus == 1 ? "" : "s", sharing.per_gpu,
-                          sharing.per_gpu == 1 ? "" : "s"));
+              fmt::format("{}, {} on each", counted(gpus, "GPU"), counted(sharing.per_gpu, "run")));
     }
     if (sharing.jobs > 0) {
         jobs = static_cast<std::size_t>(sharing.jobs);

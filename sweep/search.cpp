@@ -16,6 +16,7 @@
 #include "sweep/local_runner.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"
+#include "terminal/exit_code.h"
 #include "train/resume.h"
 
 namespace cale {
@@ -272,10 +273,10 @@ std::vector<PlannedRun> next_runs(const Search& search) {
 
 int run_search(const Search& search, std::FILE* out) {
     check_search(search);
-    if (refuse_others(search, out)) return kSomeFailed;
+    if (refuse_others(search, out)) return kFailed;
     std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
     std::vector<SampleScore> dropped;
-    int exit_code = kAllFinished;
+    int exit_code = kDone;
     for (const auto steps : rungs(search.method, *search.sweep.search, length_of(search))) {
         const auto runs = paused_at(left, steps);
         const int code = search.train(runs);

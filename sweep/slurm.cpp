@@ -144,8 +144,7 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
         const auto job = answer.text.substr(0, answer.text.find_first_of(";\n"));  // "17" or "17;cluster"
         index.push_back({{"job", job}, {"runs", part}});
         write_file_atomically(index_file(folder), index.dump(1) + "\n");
-        lines.push_back(fmt::format("job array {}: {} run{}, {}", job, part.size(),
-                                    part.size() == 1 ? "" : "s", file.string()));
+        lines.push_back(fmt::format("job array {}: {}, {}", job, counted(part.size(), "run"), file.string()));
     }
     return lines;
 }

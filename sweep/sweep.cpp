@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "cale/fields.h"
+#include "cale/text.h"
 #include "report/runs.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
@@ -25,6 +26,7 @@
 #include "sweep/slurm.h"
 #include "sweep/sweep_file.h"
 #include "sweep/table.h"
+#include "terminal/exit_code.h"
 #include "train/resume.h"
 
 namespace cale {
@@ -101,7 +103,7 @@ void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool
 /// Returns the exit code, as do the tasks below.
 int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std::FILE* out) {
     const auto queued = queued_runs(folder);
-    int exit_code = 0;
+    int exit_code = kDone;
     std::vector<RunRow> rows;
     for (const auto& planned : runs) {
         RunRow row{.name = planned.run.name,
@@ -116,7 +118,7 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
             row.state = in_queue->second;
             if (row.state == "running") row.status.state = RunPhase::running;
         } else if (refused || row.status.state == RunPhase::failed) {
-            exit_code = 1;
+            exit_code = kFailed;
         }
         rows.push_back(row);
     }
@@ -126,13 +128,13 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
 
 int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, const SweepOptions& options,
                   const std::string& device, std::FILE* out) {
-    int exit_code = 0;
+    int exit_code = kDone;
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
         if (const auto refused = refused_line(planned, place.folder); !refused.empty()) {
             fmt::print(out, "{}", refused);
-            exit_code = 1;
+            exit_code = kFailed;
         } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
             fmt::print(out, "# finished: {}\n", planned.run.name);
         } else {
@@ -167,7 +169,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
                     const SweepOptions& options, const std::vector<std::string>& all_runs, std::FILE* out) {
     std::string refused;
     for (const auto& planned : runs) refused += refused_line(planned, folder / planned.run.name);
-    const int exit_code = refused.empty() ? 0 : 1;
+    const int exit_code = refused.empty() ? kDone : kFailed;
     if (options.task == SweepTask::show_commands) {
         const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
         for (const auto& names : job_arrays(runs, folder))
@@ -240,14 +242,14 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     machine.gpus = options.gpus;
     const auto slots = share(machine, options.sharing, runs);
     if (options.task == SweepTask::show_commands) {
-        if (compares && refuse_others(search, out)) return kSomeFailed;
+        if (compares && refuse_others(search, out)) return kFailed;
         const auto next = compares ? next_runs(search) : runs;
         if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
         return show_commands(next, folder, options, slots.slots.front().device, out);
     }
     make_folder(folder, all_runs, asks_for_a_part(options));
-    fmt::print(stderr, "{}: {} run{} in {}, {} at once ({})\n", sweep.name, runs.size(),
-               runs.size() == 1 ? "" : "s", folder.string(), slots.slots.size(), slots.reason);
+    fmt::print(stderr, "{}: {} in {}, {} at once ({})\n", sweep.name, counted(runs.size(), "run"),
+               folder.string(), slots.slots.size(), slots.reason);
     if (const auto count = std::ranges::count_if(runs, makes_no_update); count > 0)
         fmt::print(stderr, "note: {} of them make no update: they end before agent.min_replay\n", count);
     search.train = [&](std::span<const PlannedRun> some) {

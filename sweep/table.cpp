@@ -49,7 +49,7 @@ std::string summary(std::span<const RunRow> rows) {
             row.status.state != RunPhase::refused)
             steps_left += static_cast<double>(row.total_steps - row.status.step);
     }
-    auto text = fmt::format("{} run{}:", rows.size(), rows.size() == 1 ? "" : "s");
+    auto text = counted(rows.size(), "run") + ":";
     const char* comma = "";
     const auto add = [&](std::string_view state, int count) {
         text += fmt::format("{} {} {}", comma, count, state);

@@ -58,7 +58,7 @@ std::string mean_return_text(const std::optional<double>& mean) {
 /// "12/100 games"; "12 games" if the total is unknown.
 std::string games_text(const GamesProgress& progress) {
     if (progress.total_games > 0) return fmt::format("{}/{} games", progress.games, progress.total_games);
-    return fmt::format("{} game{}", progress.games, progress.games == 1 ? "" : "s");
+    return counted(progress.games, "game");
 }
 
 /// [0, 1]; 0 where `all` is not known.

@@ -12,6 +12,7 @@
 
 #include "settings/command_line.h"
 #include "settings/config.h"
+#include "terminal/exit_code.h"
 #include "terminal/failure.h"
 #include "terminal/standard_output.h"
 #include "tools/commands.h"
@@ -56,7 +57,7 @@ int main(int argc, char** argv) {
         "Agents are trained by train_sac, train_sacd, train_ppo, train_dqn and train_der.\n"
         "\n"
         "Exit codes: 0 done, 1 failed, 2 usage.");
-    int exit_code = 0;
+    int exit_code = cale::kDone;
     cale::add_bench(app);
     cale::add_completion(app);
     cale::add_evaluate(app, exit_code);
@@ -73,7 +74,7 @@ int main(int argc, char** argv) {
     const auto words = words_of(argc, argv);
     if (words.empty()) {
         std::fputs(app.help().c_str(), stderr);
-        return 2;
+        return cale::kUsage;
     }
     const auto fail = [&](std::string_view what, int code) {
         std::fputs(fmt::format("{}: {}\n", cale::name_with_command(app), what).c_str(), stderr);
@@ -83,11 +84,11 @@ int main(int argc, char** argv) {
         run(app, words);
         cale::flush_standard_output();
     } catch (const cale::ConfigError& error) {
-        return fail(error.what(), 2);
+        return fail(error.what(), cale::kUsage);
     } catch (const std::invalid_argument& error) {
-        return fail(cale::failure_sentence(error), 2);
+        return fail(cale::failure_sentence(error), cale::kUsage);
     } catch (const std::exception& error) {
-        return fail(cale::failure_sentence(error), 1);
+        return fail(cale::failure_sentence(error), cale::kFailed);
     }
     return exit_code;
 }

@@ -24,6 +24,7 @@
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
 #include "terminal/console.h"
+#include "terminal/exit_code.h"
 #include "terminal/failure.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
@@ -236,7 +237,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
         {"written to", fmt::format("{} in the folder of each",
                                    evaluations_folder(".", protocol).lexically_normal().string())}};
     console.header(fmt::format("Evaluating {} by {}", options.policy, options.protocol), facts);
-    int exit_code = 0;
+    int exit_code = kDone;
     for (std::size_t i = 0; i < runs.size(); ++i) {
         auto& row = rows[i];
         if (row.result) continue;
@@ -244,14 +245,13 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
         try {
             row.result = evaluate_run(options, protocol, task_of(options, runs[i], device), runs[i], console,
                                       "run " + number);
-            console.message(
-                fmt::format("[{}] {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}", number,
-                            row.run, row.result->mean, row.result->standard_deviation, row.result->games,
-                            row.result->games == 1 ? "" : "s"));
+            console.message(fmt::format("[{}] {}: mean return {:.1f} (standard deviation {:.1f}) over {}",
+                                        number, row.run, row.result->mean, row.result->standard_deviation,
+                                        counted(row.result->games, "game")));
         } catch (const std::exception& error) {
             row.failure = failure_sentence(error);
             console.message(fmt::format("[{}] {}: {}", number, row.run, row.failure));
-            if (dynamic_cast<const EvaluatedElsewhere*>(&error) == nullptr) exit_code = 1;
+            if (dynamic_cast<const EvaluatedElsewhere*>(&error) == nullptr) exit_code = kFailed;
         }
     }
     std::fputs(evaluation_table(rows).c_str(), stdout);

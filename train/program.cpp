@@ -16,6 +16,7 @@
 
 #include "agents/memory.h"
 #include "agents/process.h"
+#include "cale/text.h"
 #include "policy/policy_info.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
@@ -24,6 +25,7 @@
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
 #include "terminal/console.h"
+#include "terminal/exit_code.h"
 #include "terminal/failure.h"
 #include "terminal/standard_output.h"
 #include "terminal/stop_signals.h"
@@ -37,8 +39,6 @@ namespace cale {
 namespace fs = std::filesystem;
 
 namespace {
-
-enum ExitCode { kDone = 0, kFailed = 1, kUsage = 2, kCannotResume = 3, kInterrupted = 130 };
 
 /// How long the other processes wait for the first one, which evaluates alone: a hundred of the longest games
 /// take two hours on a slow core. A process that ends is noticed at once.
@@ -355,7 +355,7 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
     if (const auto& eval = program.settings.eval; eval.episodes > 0)
         facts.emplace_back(
             "evaluation",
-            fmt::format("{} game{} at the end{}", eval.episodes, eval.episodes == 1 ? "" : "s",
+            fmt::format("{} at the end{}", counted(eval.episodes, "game"),
                         eval.every > 0 ? fmt::format(", and every {} steps", grouped(eval.every)) : ""));
     facts.emplace_back("run folder", run_dir.string());
     return facts;
@@ -497,7 +497,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
             fmt::format("{} on {}", program.agent_name, world.id),
             header_of(
                 program, world, spec.action_space, run_dir,
-                fmt::format("{}, {} thread{}{}", device.str(), threads, threads == 1 ? "" : "s",
+                fmt::format("{}, {}{}", device.str(), counted(threads, "thread"),
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
     const std::unique_ptr<Agent> agent = make_agent(program, spec);

@@ -10,7 +10,9 @@
 #include <fmt/format.h>
 
 #include "cale/seeds.h"
+#include "cale/text.h"
 #include "evaluate/evaluation.h"
+#include "evaluate/evaluation_progress.h"
 #include "replay/replay_buffer.h"
 #include "report/learning_curve.h"
 #include "terminal/console.h"
@@ -404,11 +406,12 @@ bool Recorder::run_evaluation() {
             if (interruptible && stop_requested()) throw Interrupted{};
             return Chosen{.actions = agent_.act(observations, ActMode::evaluate)};
         };
+        const auto seed = static_cast<std::uint64_t>(settings_.train.seed);
+        EvaluationPlan plan{
+            .games = eval.episodes, .seed = derive_seed(seed, "evaluation at", state_.step), .video = video};
+        const EvaluationProgress progress(files_->console, plan, "evaluation", /*lines=*/false);
         try {
-            result = world_.evaluate(
-                decide, eval.episodes,
-                derive_seed(static_cast<std::uint64_t>(settings_.train.seed), "evaluation at", state_.step),
-                video);
+            result = world_.evaluate(decide, plan);
         } catch (const Interrupted&) {
             update_metrics();
             agent_.load_state(agent_before);
@@ -421,9 +424,9 @@ bool Recorder::run_evaluation() {
     write_evaluation(csv, result);
     if (files_->events) files_->events->write(state_.step, {{"eval/episodic_return", result.mean_return}});
     files_->console.message(fmt::format(
-        "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over {} game{}; {}{}",
-        state_.step, result.mean_return, result.standard_deviation, result.games.size(),
-        result.games.size() == 1 ? "" : "s", csv.string(), films ? ", " + video.string() : ""));
+        "Evaluation at agent step {}: mean return {:.1f} (standard deviation {:.1f}) over {}; {}{}",
+        state_.step, result.mean_return, result.standard_deviation, counted(result.games.size(), "game"),
+        csv.string(), films ? ", " + video.string() : ""));
     return true;
 }
 
@@ -450,8 +453,8 @@ std::string Recorder::closing_line() const {
                              all.end());
     const auto mean_return = mean(newest);
     if (!mean_return) return "";
-    auto text = fmt::format("Mean return of the last {} game{} in training: {:.1f}", newest.size(),
-                            newest.size() == 1 ? "" : "s", *mean_return);
+    auto text = fmt::format("Mean return of the last {} in training: {:.1f}", counted(newest.size(), "game"),
+                            *mean_return);
     if (const auto floor = world_.random_score) {
         text += fmt::format(", {:.1f} {} than random play ({:.1f})", std::abs(*mean_return - *floor),
                             *mean_return < *floor ? "less" : "more", *floor);

@@ -47,10 +47,8 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
         share.num_envs = std::ssize(seeds);
         return std::make_unique<VectorEnv>(share, seeds);
     };
-    const auto evaluate_games = [env, noop_max = eval.noop_max](const Decide& decide, std::int64_t games,
-                                                                std::uint64_t seed,
-                                                                const std::filesystem::path& video) {
-        EvaluationPlan plan{.env = env, .games = games, .seed = seed, .video = video};
+    const auto evaluate_games = [env, noop_max = eval.noop_max](const Decide& decide, EvaluationPlan plan) {
+        plan.env = env;
         plan.env.noop_max = noop_max;
         return evaluate(decide, plan);
     };

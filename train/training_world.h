@@ -36,11 +36,9 @@ struct TrainingWorld {
 
     MakeWorld make;
     MakeWorld make_real_time{};  // the same in real time; null: it has none
-    /// Plays `games` games with `decide`, deterministically given the seed. Films the first one to `video`,
-    /// unless that is empty or the world cannot be filmed.
-    std::function<Evaluation(const Decide& decide, std::int64_t games, std::uint64_t seed,
-                             const std::filesystem::path& video)>
-        evaluate;
+    /// Plays the plan's games with `decide`, one after the other, in this world, whatever `plan.env` is. A
+    /// world that cannot be filmed ignores `plan.video`.
+    std::function<Evaluation(const Decide& decide, EvaluationPlan plan)> evaluate;
     bool can_film = false;
 
     /// The world's description in a policy file; null: no policy files in this world.
@@ -63,8 +61,8 @@ TrainingWorld training_world(const WorldConfig& config, const EvalConfig&) {
             .name = world_name(config),
             .num_envs = config.num_envs,
             .make = make,
-            .evaluate = [make](const Decide& decide, std::int64_t games, std::uint64_t seed,
-                               const std::filesystem::path&) { return evaluate(decide, make, games, seed); },
+            .evaluate = [make](const Decide& decide,
+                               const EvaluationPlan& plan) { return evaluate(decide, make, plan); },
             .facts = [](const ActionSpace&) { return std::vector<std::pair<std::string, std::string>>{}; }};
 }
 

@@ -28,9 +28,7 @@ struct A2cConfig {
 
 template <class Visit>
 void fields(A2cConfig& config, Visit&& visit) {
-    visit("encoder", config.encoder,
-          "how observations become features: phi_sac, phi_dqn, impala, compact, data_efficient; mlp and "
-          "flat read bytes, too");
+    visit("encoder", config.encoder, "how observations become features; for bytes mlp, or flat: no layer");
     visit("rollout_length", config.rollout_length, Range{1, 100'000}, "steps of each environment per update");
     visit("gamma", config.gamma, Range{0, 1}, "discount per agent step");
     visit("value_coefficient", config.value_coefficient, Range{0, 1000}, "weight of the value's loss");

@@ -26,6 +26,12 @@ TEST(Text, PartsBetweenSeparatorsMayBeEmpty) {
     EXPECT_THAT(split("", ','), ElementsAre(""));
 }
 
+TEST(Text, ANounFollowsItsNumber) {
+    EXPECT_EQ(counted(0, "run"), "0 runs");
+    EXPECT_EQ(counted(1, "run"), "1 run");
+    EXPECT_EQ(counted(std::size_t{2}, "game"), "2 games");
+}
+
 TEST(Text, LettersThatChangedPlacesAreOneMistake) {
     EXPECT_EQ(edit_distance("pong", "pong"), 0u);
     EXPECT_EQ(edit_distance("pnog", "pong"), 1u);

@@ -481,10 +481,13 @@ TEST(PolicyEvaluationEmulator, ReportsWhatWasPlayed) {
     EXPECT_EQ(stored.at("minimum"), 0);
     EXPECT_EQ(stored.at("maximum"), 10);
     EXPECT_EQ(stored.at("games"), 5);
+    EXPECT_EQ(stored.at("steps"), nullptr);
 
     EXPECT_THAT(evaluation_text(report), HasSubstr("games                 2, "));
     plan.games = 5;
     plan.steps = 10;
+    write_evaluation_report(folder.path() / "limited", report);
+    EXPECT_EQ(nlohmann::json::parse(folder.read("limited/evaluation.json")).at("steps"), 10);
     EXPECT_THAT(evaluation_text(report),
                 HasSubstr("games                 2 of 5 (none begins after 10 agent steps), "));
 

@@ -54,6 +54,7 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
         {{.encoder = EncoderKind::impala}, 11 * 11 * 32, 512},
         {{.encoder = EncoderKind::compact}, 1568, 50},
         {{.encoder = EncoderKind::data_efficient}, 576, 50},
+        {{.encoder = EncoderKind::phi_dqn_2013}, 9 * 9 * 32, 50},
         {{.encoder = EncoderKind::mlp}, 256, 50},
         {{.encoder = EncoderKind::flat}, 4 * 84 * 84, 4 * 84 * 84},
         {{.encoder = EncoderKind::phi_sac, .observation = {2, 12, 9}}, 6 * 5 * 32, 50},
@@ -71,8 +72,8 @@ TEST(Encoder, FeaturesAndBranchesHaveTheSizesOfTheReference) {
 }
 
 TEST(Encoder, TheActorsBranchIsNormalisedWhereItIsNarrowOrWhereItIsAskedFor) {
-    for (const auto kind :
-         {EncoderKind::phi_sac, EncoderKind::mlp, EncoderKind::compact, EncoderKind::data_efficient})
+    for (const auto kind : {EncoderKind::phi_sac, EncoderKind::mlp, EncoderKind::compact,
+                            EncoderKind::data_efficient, EncoderKind::phi_dqn_2013})
         EXPECT_TRUE(names(*make({.encoder = kind})).contains("actor_ln.weight"));
     EXPECT_FALSE(names(*make({.encoder = EncoderKind::phi_dqn})).contains("actor_ln.weight"));
     EXPECT_TRUE(

@@ -129,6 +129,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"sac_mlp", of_sac(EncoderKind::mlp)}, Case{"sac_flat", of_sac(EncoderKind::flat)},
                     Case{"der", of_values(EncoderKind::phi_dqn, true)},
                     Case{"rainbow_data_efficient", of_values(EncoderKind::data_efficient, true)},
+                    Case{"rainbow_phi_dqn_2013", of_values(EncoderKind::phi_dqn_2013, true)},
                     Case{"dqn", of_values(EncoderKind::phi_dqn, false)},
                     Case{"ppo", of_ppo(Torso::two_branch, 0)}, Case{"ppo_shared", of_ppo(Torso::shared, 4)}),
     [](const auto& instance) { return instance.param.name; });

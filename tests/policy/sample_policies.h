@@ -135,6 +135,7 @@ inline std::vector<SampleNetwork> sample_networks() {
             {"sac_ram",
              with_observation({2, 128}, actor(cale::flat(), {}, squashed_gaussian, 2, Layer::Kind::relu))},
             {"sac_compact", with_observation({2, 40, 33}, actor(compact(), tanh_actor))},
+            {"sac_phi_dqn_2013", with_observation({2, 40, 33}, actor(phi_dqn_2013(), tanh_actor))},
             {"der_data_efficient", with_observation({2, 40, 33}, action_values(data_efficient(), true, 51))},
             {"sac_direction", along_axes(4, actor(phi_sac(), tanh_actor))},
             {"sac_paddle", along_axes(2, actor(phi_sac(), tanh_actor))},

@@ -107,6 +107,9 @@ TEST(NetworkText, OfEveryEncoder) {
     EXPECT_EQ(text(data_efficient()),
               "observation 4 84 84; conv conv1 32 5 5 valid; relu; conv conv2 64 5 5 valid; relu; flatten; "
               "gaussian");
+    EXPECT_EQ(text(phi_dqn_2013()),
+              "observation 4 84 84; conv conv1 16 8 4 valid; relu; conv conv2 32 4 2 valid; relu; flatten; "
+              "gaussian");
     EXPECT_EQ(
         text(compact()),
         "observation 4 84 84; conv conv1 32 3 2 valid; relu; conv conv2 32 3 2 valid; relu; conv conv3 32 3 "

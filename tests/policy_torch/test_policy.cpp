@@ -117,7 +117,8 @@ std::vector<EncoderConfig> every_encoder() {
             {.encoder = mlp, .observation = {4, 128}},
             {.encoder = mlp, .observation = {4, 128}, .layer_norm = true},
             {.encoder = compact, .observation = {2, 40, 33}},
-            {.encoder = data_efficient, .observation = {2, 40, 33}}};
+            {.encoder = data_efficient, .observation = {2, 40, 33}},
+            {.encoder = phi_dqn_2013, .observation = {2, 40, 33}}};
 }
 
 at::Generator generator() {

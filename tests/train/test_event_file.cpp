@@ -1,12 +1,11 @@
 #include "storage/checksum.h"
 #include "train/event_file.h"
+#include "train/tensorboard.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -40,24 +39,7 @@ class EventFileOfARun : public ::testing::Test {
     EventFileOfARun() { std::filesystem::create_directories(folder_); }
     ~EventFileOfARun() override { std::filesystem::remove_all(folder_); }
 
-    /// What the real TensorBoard, installed by scripts/setup --with-tests, makes of the folder.
-    nlohmann::json read() const {
-        const char* dependencies = std::getenv("CALE_DEPS_DIR");
-        const std::filesystem::path tools =
-            std::filesystem::path(dependencies != nullptr ? dependencies : CALE_DEPS_DIR) / "test-tools";
-        if (!std::filesystem::exists(tools / "tensorboard")) {
-            throw std::runtime_error("no TensorBoard in " + tools.string() +
-                                     ": run scripts/setup --with-tests");
-        }
-        const auto command = "PYTHONPATH='" + tools.string() + "' /usr/bin/python3 '" CALE_READ_EVENTS "' '" +
-                             folder_.string() + "' 2>'" + (folder_ / "stderr").string() + "'";
-        std::FILE* pipe = ::popen(command.c_str(), "r");
-        std::string output;
-        for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) output.push_back(static_cast<char>(c));
-        if (::pclose(pipe) != 0)
-            throw std::runtime_error("TensorBoard could not read the events: " + command);
-        return nlohmann::json::parse(output);
-    }
+    nlohmann::json read() const { return test::read_by_tensorboard(folder_); }
 
     std::filesystem::path folder_ =
         std::filesystem::temp_directory_path() / ("cale-events-" + std::to_string(::getpid()));

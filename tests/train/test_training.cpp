@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -23,9 +24,11 @@
 #include "cale/random_play.h"
 #include "storage/files.h"
 #include "support/temporary_folder.h"
+#include "support/terminal.h"
 #include "train/checkpoint.h"
 #include "train/log.h"
 #include "train/safetensors.h"
+#include "train/tensorboard.h"
 
 namespace cale {
 namespace {
@@ -187,6 +190,37 @@ TEST_F(TrainingEmulator, TheTimeOfARunIsSplitWithoutRemainder) {
         EXPECT_NEAR(sum, 1, 1e-9);
         EXPECT_GT(columns.at("time/environment")[row], 0);
     }
+}
+
+TEST_F(TrainingEmulator, TensorBoardShowsWhatTheTableHas) {
+    eval.every = 200;
+    ScribeAgent agent(1);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    const auto shown = test::read_by_tensorboard(folder.path()).at("scalars");
+    const auto table = read_progress(folder.path() / "progress.csv");
+    const auto& steps = table.at("global_step");
+    ASSERT_EQ(steps.size(), 4u);
+    int tags = 0;
+    for (const auto& [name, values] : table) {
+        const bool has_tag = name.find('/') != name.npos;
+        if (!has_tag && name != "steps_per_second") continue;
+        const auto& curve = shown.at(has_tag ? name : "charts/SPS");
+        ASSERT_EQ(curve.size(), steps.size()) << name;
+        for (std::size_t row = 0; row < steps.size(); ++row) {
+            EXPECT_EQ(curve[row][0], steps[row]) << name;
+            EXPECT_NEAR(curve[row][1].get<double>(), values[row], 1e-6 * std::abs(values[row])) << name;
+        }
+        ++tags;
+    }
+    EXPECT_GE(tags, 12) << "shares of time and zones, dormant units, returns and speed";
+    const auto returns_at = [this](const std::string& step) {
+        return read_progress(folder.path() / "eval" / ("step_" + step + ".csv")).at("return").front();
+    };
+    const auto& evaluations = shown.at("eval/episodic_return");
+    ASSERT_EQ(evaluations.size(), 2u);
+    EXPECT_EQ(evaluations[0], (nlohmann::json{200, returns_at("000000200")}));
+    EXPECT_EQ(evaluations[1], (nlohmann::json{400, returns_at("000000400")}));
+    EXPECT_EQ(shown.at("charts/episodic_return").size(), lines("episodes.csv").size() - 2);
 }
 
 TEST_F(TrainingEmulator, TheLastRowHoldsWhatIsLeftAtTheEnd) {
@@ -441,6 +475,25 @@ TEST_F(TrainingEmulator, KeepsTheCheckpointOfTheLargestEvaluation) {
         EXPECT_EQ(sum > 0, step == "step_000000400") << step;
     }
     EXPECT_EQ(fs::read_symlink(checkpoints / "best"), "step_000000400");
+}
+
+TEST_F(TrainingEmulator, ShowsHowFarAnEvaluationIs) {
+    test::Terminal terminal(100);
+    const int standard_error = ::dup(STDERR_FILENO);
+    ::dup2(::fileno(terminal.file()), STDERR_FILENO);
+    options.progress_bar = true;
+    eval.episodes = 2;
+    eval.video = false;
+    train_config.total_steps = 10;
+    ScribeAgent agent(1);
+    const auto outcome = train(agent);
+    ::dup2(standard_error, STDERR_FILENO);
+    ::close(standard_error);
+    EXPECT_EQ(outcome, Outcome::finished);
+    const auto shown = terminal.shown();
+    EXPECT_THAT(shown, HasSubstr("]  evaluation  1/2 games  mean return "));
+    EXPECT_THAT(shown, HasSubstr("]  evaluation  2/2 games  mean return "));
+    EXPECT_LT(shown.find("evaluation  2/2"), shown.find("Evaluation at agent step 10: mean return "));
 }
 
 TEST_F(TrainingEmulator, AnEndThatCannotBeStoredIsAnError) {
