@@ -205,11 +205,16 @@ TEST_F(TrainingEmulator, TensorBoardShowsWhatTheTableHas) {
         const bool has_tag = name.find('/') != name.npos;
         if (!has_tag && name != "steps_per_second") continue;
         const auto& curve = shown.at(has_tag ? name : "charts/SPS");
-        ASSERT_EQ(curve.size(), steps.size()) << name;
+        std::size_t point = 0;
         for (std::size_t row = 0; row < steps.size(); ++row) {
-            EXPECT_EQ(curve[row][0], steps[row]) << name;
-            EXPECT_NEAR(curve[row][1].get<double>(), values[row], 1e-6 * std::abs(values[row])) << name;
+            if (std::isnan(values[row])) continue;  // no game had ended
+            ASSERT_LT(point, curve.size()) << name;
+            EXPECT_EQ(curve[point][0], steps[row]) << name;
+            const double rounding = has_tag ? 1e-6 * std::abs(values[row]) : 0.01;
+            EXPECT_NEAR(curve[point][1].get<double>(), values[row], rounding) << name;
+            ++point;
         }
+        EXPECT_EQ(curve.size(), point) << name;
         ++tags;
     }
     EXPECT_GE(tags, 12) << "shares of time and zones, dormant units, returns and speed";
