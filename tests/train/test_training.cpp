@@ -575,7 +575,7 @@ TEST_F(TrainingEmulator, AFinishedRunMadeLongerPlaysItsEvaluationsAsOneThatWasNo
     struct Drawing : ScribeAgent {
         using ScribeAgent::ScribeAgent;
         torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            const auto actions = ScribeAgent::act(observations, mode);
+            auto actions = ScribeAgent::act(observations, mode);
             if (mode != ActMode::evaluate) return actions;
             const bool right = ++drawn % 7 < 4;
             return torch::tensor({{1.0f, right ? 0.0f : 3.0f, 1.0f}});
@@ -643,7 +643,7 @@ TEST_F(TrainingEmulator, CountsWhatIsAskedOfTheJoystick) {
     env.num_envs = 2;
     ScribeAgent agent(2);
     EXPECT_EQ(train(agent), Outcome::finished);
-    EXPECT_EQ(std::accumulate(agent.events.begin(), agent.events.end(), 0), 400)
+    EXPECT_EQ(std::accumulate(agent.events.begin(), agent.events.end(), std::int64_t{0}), 400)
         << "no evaluation among them";
     EXPECT_EQ(read_file(folder.path() / "joystick_events.csv"), event_table(agent.events));
     EXPECT_LE(std::ranges::count(agent.events, 0), 4) << "nearly all of the 18 come up";
