@@ -9,10 +9,13 @@
 #include <string_view>
 
 #include "cale/text.h"
+#include "terminal/exit_code.h"
 
 namespace bench {
 
-inline constexpr int kUsage = 2;  // the exit code for what the user wrote
+using cale::kDone;
+using cale::kFailed;
+using cale::kUsage;  // for what the user wrote
 
 /// The number that all of `text` is. Throws std::invalid_argument for another.
 inline std::int64_t whole_number(const std::string& name, std::string_view text, std::int64_t least,
@@ -29,7 +32,7 @@ inline int run(const std::string& usage, int (*program)(int argc, char** argv), 
     const std::string name = usage.substr(0, usage.find(' '));
     if (argc == 2 && std::string_view(argv[1]) == "--help") {
         std::printf("usage: %s\n", usage.c_str());
-        return 0;
+        return kDone;
     }
     try {
         const int code = program(argc, argv);
@@ -40,7 +43,7 @@ inline int run(const std::string& usage, int (*program)(int argc, char** argv), 
         return kUsage;
     } catch (const std::exception& error) {
         std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
-        return 1;
+        return kFailed;
     }
 }
 

@@ -15,7 +15,7 @@ namespace cale {
 class EvaluationProgress {
   public:
     /// Sets callbacks of `plan`: it must outlive the evaluation, and the console must outlive it. `title`
-    /// begins every line. The plan's `known` games count as played.
+    /// begins every line; without `lines` there is the bar alone. The plan's `known` games count as played.
     EvaluationProgress(Console& console, EvaluationPlan& plan, std::string title = "", bool lines = true);
     EvaluationProgress(const EvaluationProgress&) = delete;
     EvaluationProgress& operator=(const EvaluationProgress&) = delete;
