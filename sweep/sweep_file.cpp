@@ -298,27 +298,29 @@ void override_key(Contents& contents, const std::string& text) {
         for (auto& value : axis.values) value = fs::absolute(value).string();
     }
 
-    bool varies = false;
-    const auto replace = [&](Grid& grid) {
-        if (auto* found = find(grid, key)) {
+    if (auto* in_grid = find(contents.grid, key)) {
+        *in_grid = axis;
+        return;
+    }
+    std::vector<Grid*> others;  // variants without the key
+    for (auto& variant : contents.variants) {
+        auto* const found = find(variant, key);
+        if (found == nullptr) {
+            others.push_back(&variant);
+        } else {
             *found = axis;
-            varies = true;
         }
-    };
-    replace(contents.grid);
-    for (auto& variant : contents.variants) replace(variant);
-    auto* const common = find(contents.common, key);
-    if (varies && (common == nullptr || find(contents.grid, key) != nullptr)) return;
-    if (axis.values.size() > 1 && varies) {
-        // The other variants had the value of `set`.
-        for (auto& variant : contents.variants)
-            if (find(variant, key) == nullptr) variant.push_back(axis);
-    } else if (axis.values.size() > 1) {
+    }
+    if (axis.values.size() == 1) {
+        if (auto* common = find(contents.common, key)) {
+            *common = axis;
+        } else {
+            contents.common.push_back(axis);
+        }
+    } else if (others.size() == contents.variants.size()) {
         contents.grid.push_back(axis);
-    } else if (common != nullptr) {
-        *common = axis;
     } else {
-        contents.common.push_back(axis);
+        for (auto* other : others) other->push_back(axis);
     }
 }
 

@@ -62,8 +62,9 @@ struct Sweep {
 /// shows, and the sixty. A variant's value takes precedence over `grid`, and `grid` over `set`, `agent` and
 /// `config`.
 ///
-/// `overrides` are KEY=VALUE[,VALUE...] of a command line; they replace the values of that key wherever the
-/// file has it, or add it. A `config` among them is relative to the current folder.
+/// `overrides` are KEY=VALUE[,VALUE...] of a command line, which hold for every run: they replace the values
+/// of that key wherever the file has it, and add it elsewhere. A `config` among them is relative to the
+/// current folder.
 ///
 /// Of a search every combination is trained with each sample's settings, which go before all others; the
 /// samples vary fastest. Values of a searched key on the command line are drawn from instead of the file's.

@@ -152,6 +152,22 @@ TEST_F(SweepFile, TheCommandLineReplacesValuesOfSetBesideThoseOfVariants) {
     EXPECT_THAT(gammas("agent.gamma=0.5,0.6"), ElementsAre("sac 0.5", "sac 0.6", "dqn 0.5", "dqn 0.6"));
 }
 
+TEST_F(SweepFile, TheCommandLineHoldsForVariantsWithoutTheKey) {
+    const std::string text =
+        "set: {env.game: pong, train.seed: 1}\n"
+        "variants: [{agent: sac, agent.gamma: [0.9, 0.95]}, {agent: dqn}]\n";
+    const auto gammas = [&](const std::string& override_) {
+        std::vector<std::string> result;
+        for (const auto& run : read(text, {override_}).runs)
+            result.push_back(run.name + " " + value_of(run, "agent.gamma"));
+        return result;
+    };
+    EXPECT_THAT(gammas("agent.gamma=0.5"), ElementsAre("Pong__sac__gamma=0.5__1 0.5", "Pong__dqn__1 0.5"));
+    EXPECT_THAT(gammas("agent.gamma=0.5,0.6"),
+                ElementsAre("Pong__sac__gamma=0.5__1 0.5", "Pong__sac__gamma=0.6__1 0.6",
+                            "Pong__dqn__gamma=0.5__1 0.5", "Pong__dqn__gamma=0.6__1 0.6"));
+}
+
 TEST_F(SweepFile, ConfigurationsBehindLinksAreFound) {
     namespace fs = std::filesystem;
     fs::create_directories(folder_ / "deep/sweeps");
