@@ -5,8 +5,6 @@
 #include <stdexcept>
 #include <string>
 
-#include <torch/types.h>
-
 namespace cale {
 
 std::span<const std::string_view> names_of(Exploration) {

@@ -53,7 +53,8 @@ void require_finite(const torch::Tensor& numbers, std::string_view what = "the a
 /// are independent: uniform in (r, theta) and not on the disc.
 torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
 
-/// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability.
+/// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability: where a number
+/// of [0, 1) is no larger, as in Dopamine. Draws for an epsilon of 0, too.
 torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
                              at::Generator random);
 /// The same for actions [N] int64 out of `num_actions`.

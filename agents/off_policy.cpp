@@ -59,12 +59,15 @@ void AgentReplay::record(const StepBatch& batch) {
     const bool continuous = action_size > 0;
     const auto actions =
         batch.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
-    if (batch.results.size() != count || batch.frames.size() != count * frame_size ||
-        actions.numel() != spec_.num_envs * std::max<std::int64_t>(action_size, 1)) {
-        throw std::invalid_argument("the replay expects the results, frames and actions of " +
-                                    std::to_string(count) + " environments, not of " +
-                                    std::to_string(batch.results.size()));
-    }
+    const auto require = [&](const std::string& what, std::size_t given, std::size_t each) {
+        if (given != count * each)
+            throw std::invalid_argument("the replay expects " + std::to_string(count * each) + ' ' + what +
+                                        ", not " + std::to_string(given));
+    };
+    require("results", batch.results.size(), 1);
+    require("bytes of frames", batch.frames.size(), frame_size);
+    require("numbers of actions", static_cast<std::size_t>(actions.numel()),
+            static_cast<std::size_t>(std::max<std::int64_t>(action_size, 1)));
     require_finite_rewards(batch.results);
     const auto limit = static_cast<float>(settings_.reward_clip.value_or(INFINITY));
     for (std::size_t env = 0; env < count; ++env) {

@@ -173,7 +173,8 @@ struct Acting {
     double epsilon;  // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
     at::Generator random;  // of training or of evaluation, on the CPU
 
-    bool training() const { return mode == ActMode::train; }  // otherwise evaluation
+    bool training() const { return mode == ActMode::train; }     // otherwise evaluation
+    bool explores() const { return training() || epsilon > 0; }  // else nothing is drawn, as by policy files
 };
 
 /// An agent that learns from a replay. `Algorithm` has

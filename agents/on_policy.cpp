@@ -147,8 +147,9 @@ class OnPolicy final : public Agent {
         const auto policy = network(observations.to(spec_.device)).policy;
         const auto share = training ? share_ : EnvShare(observations.size(0));
         auto actions = sampled(policy, share, random);
-        if (settings_.exploration == Exploration::standard) return actions;
         const auto epsilon = training ? this->epsilon() : settings_.epsilon.epsilon_eval;
+        const bool explores = training || epsilon > 0;  // else nothing is drawn, as by policy files
+        if (settings_.exploration == Exploration::standard || !explores) return actions;
         actions = share.among_all(actions, /*filler=*/0);
         return share.own(policy.gaussian
                              ? epsilon_greedy(actions, epsilon, box_, random)
@@ -433,8 +434,8 @@ std::string_view schedule_over_run(const OnPolicySettings& settings) {
 void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available) {
     const auto network = make_network(settings, spec, no_values());
     const auto left = memory_beside(
-        {parameter_bytes(*network), /*target=*/false, "agent.hidden_units or agent.hidden_layers"}, spec,
-        available);
+        {parameter_bytes(*network), /*target=*/spec.overlap, "agent.hidden_units or agent.hidden_layers"},
+        spec, available);
     // A second time where a checkpoint is written, and with overlap a third, to learn from.
     const auto rollout = (spec.overlap ? 3 : 2) * settings.rollout_steps * spec.num_envs /
                          EnvShare(spec).all * spec.observation.stack * spec.observation.frame_size();

@@ -67,7 +67,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
                      const SacConfig& config, bool with_actor = true);
 
 /// Tags: ActorCriticState's, charts/{learning_rate, epsilon, mean_<coordinate>, mean_log_std}.
-/// State: ActorCriticState's, training_steps, random/....
+/// State: ActorCriticState's, training_steps, random/..., gradient_steps where the actor is delayed.
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
 /// Returns its network for such a world, on the CPU.

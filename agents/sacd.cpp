@@ -101,7 +101,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             now.training() || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        return epsilon_greedy(actions, now.epsilon, num_actions, now.random);
+        return now.explores() ? epsilon_greedy(actions, now.epsilon, num_actions, now.random) : actions;
     }
 
     SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {

@@ -69,7 +69,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
                        const SacdConfig& config, bool with_actor = true);
 
 /// Tags: ActorCriticState's, charts/{learning_rate, epsilon}.
-/// State: ActorCriticState's, training_steps, random/....
+/// State: ActorCriticState's, training_steps, random/..., gradient_steps where the actor is delayed.
 /// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
 /// Returns its network for such a world, on the CPU.

@@ -4,8 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include <torch/nn/module.h>
-#include <torch/types.h>
 #include <torch/utils.h>
 
 #include "agents/random.h"

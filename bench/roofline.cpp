@@ -260,9 +260,9 @@ int roofline(int argc, char** argv) {
     cale::prepare_process_for_training();
     at::set_num_threads(static_cast<int>(threads));
     for (const auto precision : {cale::Precision::float32, cale::Precision::bf16}) {
-        const auto peaks = measured_peaks(precision);
         const bool needed = std::ranges::count(chosen, precision, [](const auto& c) { return c.second; }) > 0;
         if (!needed) continue;
+        const auto peaks = measured_peaks(precision);
         fmt::print("{}: a product {:.1f} GFLOP/s{}, a copy {:.1f} GB/s\n", cale::counted(threads, "thread"),
                    peaks.flops / 1e9, precision == cale::Precision::bf16 ? " in bfloat16" : "",
                    peaks.bytes / 1e9);

@@ -61,9 +61,11 @@ void check_paddle(const EnvConfig& config) {
     }
     for (const auto* const game : games_of(config.game)) {
         if (has_paddle(*game)) continue;
+        std::string with_one;
+        for (const auto& other : all_games())
+            if (has_paddle(other)) with_one += (with_one.empty() ? "" : ", ") + std::string(other.rom);
         throw std::invalid_argument("env.paddle=absolute: " + std::string(game->name) +
-                                    " has no paddle; the games with one are backgammon, blackjack, breakout, "
-                                    "casino, kaboom and pong");
+                                    " has no paddle; the games with one are " + with_one);
     }
     const auto require = [](bool fits, const std::string& setting, const char* remedy) {
         if (!fits) throw std::invalid_argument("env.paddle=absolute does not go with " + setting + remedy);

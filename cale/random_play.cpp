@@ -41,10 +41,13 @@ std::span<const RandomPlay> joystick_random_scores() {
 }
 
 const RandomPlay& joystick_random(std::string_view game, std::string_view protocol, Joystick joystick) {
-    if (const auto* play = find_play(find_game(game).name, protocol, joystick)) return *play;
-    throw std::invalid_argument("random play was not measured under a protocol '" + std::string(protocol) +
-                                "' with a joystick '" + std::string(name_of(joystick)) +
-                                "': the protocols are 200m and atari100k, the joysticks polar and cartesian");
+    const auto name = find_game(game).name;
+    if (const auto* play = find_play(name, protocol, joystick)) return *play;
+    throw std::invalid_argument("random play was not measured in " + std::string(name) +
+                                " under a protocol '" + std::string(protocol) + "' with a joystick '" +
+                                std::string(name_of(joystick)) +
+                                "': the games are the sixty, the protocols 200m and atari100k, the joysticks "
+                                "polar and cartesian");
 }
 
 namespace {

@@ -192,7 +192,7 @@ VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
 std::int64_t VectorEnv::threads(const EnvConfig& config) {
     const std::int64_t cores = std::max(1u, std::thread::hardware_concurrency());
     const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : cores;
-    return std::clamp<std::int64_t>(wanted, 1, config.num_envs);
+    return std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, config.num_envs));
 }
 
 std::int64_t VectorEnv::memory_per_env(const EnvConfig& config) {

@@ -35,13 +35,23 @@ void RepeatedFrame::restore(const std::map<std::string, torch::Tensor>& state) {
         if (!state.contains(name))
             throw std::runtime_error(std::string("the agent's state lacks 'repeated_frame/") + name + "'");
     }
+    const auto require = [](bool fits, const char* name) {
+        if (!fits)
+            throw std::runtime_error(std::string("the agent's state has a 'repeated_frame/") + name +
+                                     "' of another kind");
+    };
     const auto or_none = [&](const char* name) {
         const auto& frame = state.at(name);
+        require(frame.dim() == 1 && frame.scalar_type() == torch::kUInt8, name);
         return frame.numel() > 0 ? frame.clone() : torch::Tensor();
     };
-    previous_ = or_none("previous");
-    repeated_ = or_none("repeated");
-    newer_ = state.at("newer").item<std::int64_t>();
+    const auto& newer = state.at("newer");
+    require(newer.numel() == 1 && newer.scalar_type() == torch::kInt64, "newer");
+    const auto previous = or_none("previous"), repeated = or_none("repeated");
+    require(!previous.defined() || !repeated.defined() || previous.numel() == repeated.numel(), "repeated");
+    previous_ = previous;
+    repeated_ = repeated;
+    newer_ = newer.item<std::int64_t>();
 }
 
 torch::Tensor RepeatedFrame::next(const torch::Tensor& observations) {

@@ -25,7 +25,8 @@ class RepeatedFrame {
 
     /// By name; a frame that is not there is empty.
     std::map<std::string, torch::Tensor> state() const;
-    /// Throws std::runtime_error, and changes nothing, for a state that lacks a part.
+    /// Throws std::runtime_error, and changes nothing, for a state that lacks a part or has
+    /// one of another kind.
     void restore(const std::map<std::string, torch::Tensor>& state);
 
   private:

@@ -178,6 +178,32 @@ Chosen checked(Chosen chosen, std::int64_t games, const ActionSpace& space) {
     return chosen;
 }
 
+/// Which games of a plan are still to be begun.
+class Schedule {
+  public:
+    explicit Schedule(const EvaluationPlan& plan) : plan_(plan) {}
+
+    /// Returns the number of the next game to play, if there is one. Known games before it are put into
+    /// `games`, which is then as long as the games begun.
+    std::optional<std::int64_t> next(std::vector<EvaluatedGame>& games) {
+        while (begun_ < plan_.games && steps_ < plan_.steps) {
+            games.resize(static_cast<std::size_t>(begun_ + 1));
+            const auto known = plan_.known.find(begun_++);
+            if (known == plan_.known.end()) return begun_ - 1;
+            steps_ += known->second.length;
+            games.back() = known->second;
+        }
+        return std::nullopt;
+    }
+
+    void count_steps(std::int64_t steps) { steps_ += steps; }
+    std::int64_t begun() const { return begun_; }
+
+  private:
+    const EvaluationPlan& plan_;
+    std::int64_t begun_ = 0, steps_ = 0;
+};
+
 /// The games of the smallest number of games, in their order, that lasted `steps` agent steps together.
 void drop_games_after(std::vector<EvaluatedGame>& games, std::int64_t steps) {
     std::int64_t before = 0;
@@ -229,11 +255,7 @@ EvaluationPlan fixed_episodes(const EnvConfig& env) {
 }
 
 EvaluationPlan fixed_steps(const EnvConfig& env) {
-    return {.env = env,
-            .games = std::numeric_limits<std::int64_t>::max(),
-            .steps = 125'000,
-            .parallel = 16,
-            .epsilon = 0.001};
+    return {.env = env, .games = kNoLimit, .steps = 125'000, .parallel = 16, .epsilon = 0.001};
 }
 
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
@@ -247,23 +269,13 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     Games games(rows);
 
     Evaluation evaluation;
-    std::int64_t begun = 0, steps = 0;
-    // The number of the next game that is to be played, if there is one.
-    const auto next_game = [&]() -> std::optional<std::int64_t> {
-        while (begun < plan.games && steps < plan.steps) {
-            const auto known = plan.known.find(begun++);
-            if (known == plan.known.end()) return begun - 1;
-            steps += known->second.length;
-            evaluation.games.resize(static_cast<std::size_t>(begun));
-            evaluation.games.back() = known->second;
-        }
-        return std::nullopt;
-    };
+    Schedule schedule(plan);
     while (true) {
         std::vector<std::int64_t> active, numbers;
         bool some_begin = false;
         for (std::size_t row = 0; row < rows; ++row) {
-            const auto number = games[row] ? std::optional(games[row]->number()) : next_game();
+            const auto number =
+                games[row] ? std::optional(games[row]->number()) : schedule.next(evaluation.games);
             if (!number) continue;
             some_begin = some_begin || !games[row];
             active.push_back(static_cast<std::int64_t>(row));
@@ -282,9 +294,8 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
                 games[row]->step(chosen, i, stack, row);
             }
         });
-        steps += count;
+        schedule.count_steps(count);
         if (plan.stepped) plan.stepped(count);
-        evaluation.games.resize(static_cast<std::size_t>(begun));
         for (auto& game : games) {
             if (!game || !game->over()) continue;
             evaluation.games[static_cast<std::size_t>(game->number())] = game->result();
@@ -293,7 +304,8 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
         }
     }
     drop_games_after(evaluation.games, plan.steps);
-    for (auto number = std::ssize(evaluation.games); number < begun && !plan.step_logs.empty(); ++number)
+    for (auto number = std::ssize(evaluation.games); number < schedule.begun() && !plan.step_logs.empty();
+         ++number)
         std::filesystem::remove(step_log_file(plan, number));
     if (!plan.video.empty() && plan.filmed_game >= std::ssize(evaluation.games))
         std::filesystem::remove(plan.video);
@@ -307,6 +319,7 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const Eva
         const auto seed_of_game = derive_seed(plan.seed, "evaluation", number);
         const auto world = make_world({&seed_of_game, 1});
         const auto space = world->observation_space();
+        const auto action_space = world->action_space();
         std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size())),
             last_frame(frame.size());
         FrameStack stack(1, static_cast<std::size_t>(space.stack), frame.size());
@@ -314,9 +327,9 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const Eva
         stack.push(0, frame);
         EvaluatedGame game;
         for (StepResult step; !step.episode_over;) {
-            const auto actions =
-                decide(stack_tensor(stack, 1, space), {&number, 1}).actions.cpu().contiguous();
-            world->step(view_of_actions(actions), frame, last_frame, {&step, 1});
+            const auto chosen =
+                checked(decide(stack_tensor(stack, 1, space), {&number, 1}), /*games=*/1, action_space);
+            world->step(view_of_actions(chosen.actions), frame, last_frame, {&step, 1});
             stack.follow(0, step, frame);
             count_step(game, step);
             if (plan.stepped) plan.stepped(1);

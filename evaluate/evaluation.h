@@ -34,6 +34,7 @@ ContinuousAction chosen_stick(Joystick joystick, const torch::Tensor& actions, s
 /// `games`: the numbers of the games that its rows belong to.
 using Decide = std::function<Chosen(const torch::Tensor& observations, std::span<const std::int64_t> games)>;
 
+/// A game that has ended.
 struct EvaluatedGame {
     std::string game{};         // which one, "Pong", where several are played in turn; else empty
     double episode_return = 0;  // undiscounted, neither clipped nor scaled
@@ -43,6 +44,7 @@ struct EvaluatedGame {
     std::map<float, std::int64_t> rewards{};  // reward of an agent step -> count
 };
 
+/// The games of a plan, and what they have together.
 struct Evaluation {
     std::vector<EvaluatedGame> games;  // by their numbers
     EventCounts events{};              // the sums over the games
@@ -51,13 +53,16 @@ struct Evaluation {
     double standard_deviation = 0;  // of the returns, divided by n
 };
 
+/// As EvaluationPlan::games or steps: no limit.
+constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max();
+
 /// Which games are played, and how. Game i depends on `seed` and i alone, whatever `parallel` is, provided
 /// that the choices of `decide` for a game do.
 struct EvaluationPlan {
     EnvConfig env{};  // several games are played in turn
     std::int64_t games = 100;
     /// No game begins once the games before it total this many agent steps.
-    std::int64_t steps = std::numeric_limits<std::int64_t>::max();
+    std::int64_t steps = kNoLimit;
     std::int64_t parallel = 1;  // games under way at a time, stepped by LibTorch's threads
     std::uint64_t seed = 1;
     double epsilon = 0;             // probability of a uniformly random action instead of the chosen one

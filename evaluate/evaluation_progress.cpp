@@ -1,6 +1,5 @@
 #include "evaluate/evaluation_progress.h"
 
-#include <limits>
 #include <utility>
 
 namespace cale {
@@ -8,7 +7,7 @@ namespace {
 
 /// 0 where there is no limit.
 std::int64_t known_limit(std::int64_t limit) {
-    return limit == std::numeric_limits<std::int64_t>::max() ? 0 : limit;
+    return limit == kNoLimit ? 0 : limit;
 }
 
 }  // namespace

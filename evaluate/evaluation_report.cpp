@@ -19,8 +19,6 @@
 namespace cale {
 namespace {
 
-constexpr auto kAny = std::numeric_limits<std::int64_t>::max();  // as games or steps of a plan: no limit
-
 std::string provenance(const PolicyInfo& policy, const std::string& name) {
     const auto found = policy.provenance.find(name);
     return found == policy.provenance.end() ? "" : found->second;
@@ -55,7 +53,7 @@ std::string random_play(const EnvConfig& env) {
 /// "100", or "3 of 100 (none begins after 2000 agent steps)".
 std::string games_text(const EvaluationPlan& plan, const Evaluation& evaluation) {
     const auto played = std::ssize(evaluation.games);
-    if (played >= plan.games || plan.games == kAny) return fmt::format("{}", played);
+    if (played >= plan.games || plan.games == kNoLimit) return fmt::format("{}", played);
     return fmt::format("{} of {} (none begins after {} agent steps)", played, plan.games, plan.steps);
 }
 
@@ -141,7 +139,7 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"maximum", summary.maximum},
                                    {"human_normalised", nullptr},
                                    {"random_play", nullptr}};
-    if (plan.steps != kAny) json["steps"] = plan.steps;
+    if (plan.steps != kNoLimit) json["steps"] = plan.steps;
     if (summary.human_normalised) json["human_normalised"] = *summary.human_normalised;
     if (const auto floor = random_floor(plan.env)) json["random_play"] = *floor;
     write_evaluation(folder / (name + ".csv"), evaluation);

@@ -15,8 +15,8 @@ std::string game_table(const std::string& rom_dir, bool atari100k);
 /// The same as CSV:
 /// game,rom,atari100k,random_score,human_score,joystick_random_200m,joystick_random_atari100k,
 /// minimal_action_count,paddle,minimal_actions,rom_file. The events of the minimal set, separated by spaces,
-/// come from the emulator: they and the file are empty if the ROM is missing. Scores that there are not are
-/// empty.
+/// come from the emulator: they and the file are empty if the ROM is missing. A missing score is an empty
+/// cell.
 std::string game_csv(const std::string& rom_dir, bool atari100k);
 
 /// A row per game: its difficulties and its modes, from the emulator.

@@ -62,8 +62,7 @@ void collect(const fs::path& folder, std::vector<fs::path>& runs) {
 
 std::string json_of(const EvaluationProtocol& protocol) {
     const auto limit = [](std::int64_t number) {
-        return number == std::numeric_limits<std::int64_t>::max() ? nlohmann::ordered_json()
-                                                                  : nlohmann::ordered_json(number);
+        return number == kNoLimit ? nlohmann::ordered_json() : nlohmann::ordered_json(number);
     };
     const auto noop_max = protocol.noop_max ? nlohmann::ordered_json(*protocol.noop_max) : nullptr;
     return nlohmann::ordered_json{{"protocol", protocol.name},      {"games", limit(protocol.games)},

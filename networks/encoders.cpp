@@ -8,8 +8,6 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
-#include "networks/layers.h"
-
 namespace cale {
 namespace {
 
@@ -93,9 +91,9 @@ Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, const at::Ge
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
     : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(config, /*of_critic=*/false)})),
       trunk_(*this, config, generator),
-      critic_(*this, encoder_of(config).branch(config, true), {trunk_.features()},
-              encoder_of(config).initialiser(), generator),
-      actor_(*this, encoder_of(config).branch(config, false), {trunk_.features()},
-             encoder_of(config).initialiser(), generator) {}
+      critic_(*this, encoder_of(config).branch(config, true), {trunk_.features()}, initialiser_of(config),
+              generator),
+      actor_(*this, encoder_of(config).branch(config, false), {trunk_.features()}, initialiser_of(config),
+             generator) {}
 
 }  // namespace cale

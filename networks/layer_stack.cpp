@@ -1,14 +1,11 @@
 #include "networks/layer_stack.h"
 
 #include <array>
-#include <functional>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
-
-#include "networks/layers.h"
 
 namespace cale {
 namespace {

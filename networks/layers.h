@@ -27,8 +27,8 @@ std::span<const std::string_view> names_of(Precision);
 /// Fills a weight, [out, in] or [out, in, rows, columns], on the CPU.
 using Initialiser = std::function<void(torch::Tensor& weight, at::Generator generator)>;
 
-/// The initialiser for counting parameters. Dense layers then have shapes but no values, and take no memory
-/// (LibTorch's device "meta"); convolutions, which are small, are zero.
+/// An undefined generator, for counting parameters. Dense layers then have shapes but no values, and take no
+/// memory (LibTorch's device "meta"); convolutions, which are small, are zero.
 inline at::Generator no_values() {
     return {};
 }

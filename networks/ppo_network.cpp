@@ -81,8 +81,12 @@ PpoNetworkImpl::PpoNetworkImpl(const PpoNetworkConfig& config, std::int64_t num_
         shared_ = register_module("encoder", SharedEncoder(encoder, features, hidden, generator));
     }
     const auto head = [&](double gain) {
-        return HeadConfig{config.hidden_layers, config.hidden_units, Layer::Kind::tanh, hidden,
-                          orthogonal(gain),     config.layer_norm};
+        return HeadConfig{.hidden_layers = config.hidden_layers,
+                          .hidden_units = config.hidden_units,
+                          .activation = Layer::Kind::tanh,
+                          .initialise = hidden,
+                          .initialise_out = orthogonal(gain),
+                          .layer_norm = config.layer_norm};
     };
     if (num_actions == 0) {
         gaussian_ = register_module(

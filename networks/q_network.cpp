@@ -98,7 +98,7 @@ QNoise QHeadImpl::draw_noise(at::Generator generator, std::int64_t rows) const {
 
 QNetworkImpl::QNetworkImpl(const EncoderConfig& encoder_config, const QHeadConfig& head_config,
                            at::Generator generator)
-    : encoder(register_module("encoder", ConvEncoder(encoder_config, generator))),
+    : encoder(register_module("encoder", TrunkEncoder(encoder_config, generator))),
       head(register_module("head", QHead(encoder->size(), head_config, generator))),
       acting(values_spec(encoder_config.observation, trunk_layers(encoder_config), head_config)) {}
 

@@ -76,9 +76,9 @@ class QHeadImpl : public torch::nn::Module {
 using QHead = torch::nn::ModuleHolder<QHeadImpl>;
 
 /// A trunk without a head.
-class ConvEncoderImpl : public torch::nn::Module {
+class TrunkEncoderImpl : public torch::nn::Module {
   public:
-    ConvEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
+    TrunkEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
         : trunk_(*this, config, generator) {}
     /// [B, observation] uint8 -> [B, size()]
     torch::Tensor forward(const torch::Tensor& observation) const { return trunk_(observation); }
@@ -87,7 +87,7 @@ class ConvEncoderImpl : public torch::nn::Module {
   private:
     Trunk trunk_;
 };
-using ConvEncoder = torch::nn::ModuleHolder<ConvEncoderImpl>;
+using TrunkEncoder = torch::nn::ModuleHolder<TrunkEncoderImpl>;
 
 /// encoder.conv1, ..., head.fc1, ...: [B, stack, ...] uint8 -> [B, A, atoms].
 class QNetworkImpl : public torch::nn::Module {
@@ -97,9 +97,9 @@ class QNetworkImpl : public torch::nn::Module {
     /// [B, stack, ...] uint8 -> [B, A, atoms]; without noise, noisy layers are their means.
     torch::Tensor forward(const torch::Tensor& observation, const QNoise* noise = nullptr);
 
-    ConvEncoder encoder{nullptr};  // parameters encoder.*
-    QHead head{nullptr};           // parameters head.*
-    NetworkSpec acting;            // as evaluations act
+    TrunkEncoder encoder{nullptr};  // parameters encoder.*
+    QHead head{nullptr};            // parameters head.*
+    NetworkSpec acting;             // as evaluations act
 };
 using QNetwork = torch::nn::ModuleHolder<QNetworkImpl>;
 

@@ -64,12 +64,12 @@ class ProcessGroup {
     std::shared_ptr<const Impl> impl_;
 };
 
-/// Of a sample of which every process has a part.
+/// Mean and deviation of a sample that is spread over the processes.
 struct Moments {
     std::int64_t count;             // of the whole sample
     torch::Tensor mean, deviation;  // [], of the sample's type; the deviation divides by count
 };
-/// Those of all processes' parts together.
+/// Returns the moments of all processes' parts together.
 Moments moments(const torch::Tensor& part, const ProcessGroup& processes);
 
 }  // namespace cale

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <limits>
 #include <string>
 
 #include "cale/env.h"
@@ -25,11 +24,10 @@ struct PlayPlan {
     EnvConfig env{};
     Decide decide{};  // empty: the player plays
     std::uint64_t seed = 1;
-    std::int64_t games =
-        std::numeric_limits<std::int64_t>::max();  // it ends after these, or when the player quits
-    double speed = 1;                              // times that of the console; 0: as fast as it goes
-    bool real_time = false;                        // the console waits for nobody: see RealTimeGame
-    std::filesystem::path video{};                 // an MP4 file of all that is shown; empty: none
+    std::int64_t games = kNoLimit;  // it ends after these, or when the player quits
+    double speed = 1;               // times that of the console; 0: as fast as it goes
+    bool real_time = false;         // the console waits for nobody: see RealTimeGame
+    std::filesystem::path video{};  // an MP4 file of all that is shown; empty: none
     std::function<void(const EvaluatedGame& game)> ended{};  // called after each game that came to its end
     std::function<void(const EvaluatedGame& so_far)> stepped{};  // called after each agent step
 };

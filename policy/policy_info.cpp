@@ -17,7 +17,7 @@ bool is_agent_name(std::string_view name) {
                c == '-';
     };
     constexpr std::size_t kLongest = 64;
-    return name.size() <= kLongest && std::ranges::all_of(name, is_plain);
+    return !name.empty() && name.size() <= kLongest && std::ranges::all_of(name, is_plain);
 }
 
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {

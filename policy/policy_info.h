@@ -28,7 +28,7 @@ struct PolicyInfo {
     Joystick joystick = Joystick::polar;
     /// How a continuous action becomes a joystick event (joystick_event).
     double threshold = 0.5;
-    EventMap event_map = EventMap::symmetric;  // see EventMap
+    EventMap event_map = EventMap::symmetric;
     /// Whether r scales how far a paddle moves (env.paddle_strength: radius).
     bool radius_is_strength = false;
 

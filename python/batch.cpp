@@ -147,8 +147,8 @@ void Batch::make(std::span<const std::uint32_t> seeds) {
 void Batch::begin_episode(std::size_t i, bool new_game) {
     auto& state = states_[i];
     // A lost life ends the agent's episode and not the game, which goes on from what is seen now.
-    const bool goes_on = state.ended && !state.must_restart && !new_game;
-    if (!goes_on) envs_->reset(static_cast<std::int64_t>(i), frame(i));
+    const bool continues = state.ended && !state.must_restart && !new_game;
+    if (!continues) envs_->reset(static_cast<std::int64_t>(i), frame(i));
     stacks_.clear(i);
     stacks_.push(i, frame(i));
     state = {.ended = false, .must_restart = false};

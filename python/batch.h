@@ -111,8 +111,8 @@ class Batch {
     /// Returns all that the future of an environment depends on: its game since its start, and its stack.
     std::string save(std::int64_t index) const;
     /// Continues in one environment as the one would that was saved, wherever that was. Throws
-    /// std::invalid_argument for bytes that are none of save() or of another game or other settings; the
-    /// environment must then be reset.
+    /// std::invalid_argument for bytes that are none of save() or of another game or other settings, and
+    /// std::runtime_error for a game that is damaged; the environment must then be reset.
     void restore(std::int64_t index, std::string_view saved);
 
     /// Ends the environments and their threads, after the step that is under way; stacks() stay. Nothing but

@@ -11,6 +11,7 @@
 
 namespace cale {
 
+/// An n-step transition, valid during the call that passes it.
 struct Transition {
     std::span<const FrameId> observation;  // stack of frames, newest last
     std::span<const FrameId> next_observation;

@@ -9,6 +9,7 @@
 
 namespace cale {
 
+/// Follows one replay's frames.
 class FrameMirror {
   public:
     /// Throws std::runtime_error, naming device and gigabytes, where the device lacks the memory.

@@ -59,6 +59,7 @@ class LazyArray {
 /// Returns the number of frames kept: one per transition, plus those of the unfinished windows of all
 /// environments stepping together, each with a final frame.
 std::int64_t frame_capacity(const ReplayConfig& config);
+/// Memory of a frame with the action chosen on it, and of a transition without its frames.
 std::int64_t bytes_per_frame(const ReplayConfig& config);
 std::int64_t bytes_per_transition(const ReplayConfig& config);
 
@@ -126,7 +127,9 @@ struct FrameRing {
     std::span<FrameId> frames_of(std::int64_t transition);
     std::span<const FrameId> frames_of(std::int64_t transition) const;
 
+    /// Blocks while a snapshot holds the frame that is overwritten. Returns the new frame's number.
     FrameId push_frame(std::span<const std::uint8_t> pixels);
+    /// Stores the action that was chosen on this frame.
     void push_action(FrameId frame, const Experience& experience);
     /// Does nothing if one of its frames has been overwritten.
     void push_transition(const Transition& transition);

@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include <ATen/Parallel.h>
-#include <torch/types.h>
 
 namespace cale {
 namespace {
@@ -43,10 +42,7 @@ torch::Tensor shifted_on_cpu(const torch::Tensor& frames, const torch::Tensor& s
 
 }  // namespace
 
-torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts) {
-    if (frames.dim() != 4 || frames.scalar_type() != torch::kUInt8)
-        throw std::invalid_argument("random_shift moves frames [B, stack, rows, columns] of type uint8");
-    if (frames.is_cpu()) return shifted_on_cpu(frames, shifts);
+torch::Tensor shifted_by_index(const torch::Tensor& frames, const torch::Tensor& shifts) {
     const auto moved = shifts.to(frames.device());
     const auto index = [&](std::int64_t axis) {
         const auto size = frames.size(axis + 2);
@@ -55,6 +51,12 @@ torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts) 
     const auto rows = index(0).view({frames.size(0), 1, -1, 1}),
                columns = index(1).view({frames.size(0), 1, 1, -1});
     return frames.gather(2, rows.expand(frames.sizes())).gather(3, columns.expand(frames.sizes()));
+}
+
+torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts) {
+    if (frames.dim() != 4 || frames.scalar_type() != torch::kUInt8)
+        throw std::invalid_argument("random_shift moves frames [B, stack, rows, columns] of type uint8");
+    return frames.is_cpu() ? shifted_on_cpu(frames, shifts) : shifted_by_index(frames, shifts);
 }
 
 torch::Tensor random_shift(const torch::Tensor& frames, std::int64_t pad, const at::Generator& random) {

@@ -18,5 +18,7 @@ torch::Tensor random_shift(const torch::Tensor& frames, std::int64_t pad, const 
 /// The same by `shifts` [B, 2] int64, rows and columns on the CPU or on the frames' device: pixel (i, j) of a
 /// result is pixel (i + rows, j + columns) of the frames.
 torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts);
+/// The same on any device, by operators of LibTorch: what shifted() does with frames that are not on the CPU.
+torch::Tensor shifted_by_index(const torch::Tensor& frames, const torch::Tensor& shifts);
 
 }  // namespace cale

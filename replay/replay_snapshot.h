@@ -24,8 +24,8 @@ namespace cale {
 /// written yet; because save() writes the oldest first, the wait is short.
 class ReplaySnapshot {
   public:
-    /// Returns whether the folder already holds the file of this name, written by an earlier snapshot of the
-    /// same replay, so that it need not be written again. Called for full chunks only.
+    /// Puts the file of this name, as an earlier snapshot of the same replay wrote it, into the folder.
+    /// Returns false where there is none: it is then written. Called for full chunks only.
     using TakeOver = std::function<bool(const std::string& file)>;
 
     /// Captures the current contents. The replay must outlive it. Throws std::logic_error while another

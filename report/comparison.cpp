@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "cale/random_play.h"
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -318,7 +319,7 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
 }
 
 /// "2", "2 to 5"
-std::string range_text(std::size_t least, std::size_t most) {
+std::string counts_text(std::size_t least, std::size_t most) {
     return least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most);
 }
 
@@ -375,7 +376,8 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
             fmt::join(short_games, "; "))});
     const auto untrained = groups_where(comparison, [](const Run& run) {
         return run.total_steps > 0 &&
-               ends_before_first_update(setting_of(run, "agent.min_replay"), run.total_steps);
+               ends_before_first_update(number_in<double>(setting_of(run, "agent.min_replay")),
+                                        run.total_steps);
     });
     if (!untrained.empty())
         notes.push_back({fmt::format(
@@ -423,7 +425,7 @@ std::vector<Note> notes_on(const Comparison& comparison) {
     std::vector<std::string> single, few, uneven;
     for (const auto& result : comparison.results) {
         const auto counted =
-            fmt::format("{} ({})", result.label, range_text(result.least_runs, result.most_runs));
+            fmt::format("{} ({})", result.label, counts_text(result.least_runs, result.most_runs));
         if (!result.has_interval()) {
             single.push_back(result.label);
         } else if (result.least_runs < kFewRuns) {

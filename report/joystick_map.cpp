@@ -61,9 +61,9 @@ Event event_at(Point stick, bool fire, double threshold) {
 
 /// -1, 0 or 1 to the right and up.
 Point direction_of(Event event) {
-    const auto name = event_name(event);
-    const auto has = [&](std::string_view word) { return name.find(word) != name.npos ? 1.0 : 0.0; };
-    return {has("RIGHT") - has("LEFT"), has("UP") - has("DOWN")};
+    const auto stick = event_stick(event);
+    return {std::round(stick.radius * std::cos(stick.theta)),
+            std::round(stick.radius * std::sin(stick.theta))};
 }
 
 Colour region_colour(Point direction) {
@@ -141,8 +141,8 @@ void visit_positions(Joystick joystick, Visit&& visit) {
         return;
     }
     const auto coordinates = stick_coordinates(joystick);
-    const std::size_t axes = coordinates.size() - 1;  // without fire
-    const std::size_t cells = axes == 2 ? 1000 : 100, count = 1'000'000;
+    const std::size_t axes = coordinates.size() - 1;                                          // without fire
+    const std::size_t count = 1'000'000, cells = axes == 1 ? count : axes == 2 ? 1000 : 100;  // along an axis
     std::vector<float> action(axes + 1, 0.0F);
     for (std::size_t cell = 0; cell < count; ++cell) {
         for (std::size_t axis = 0, rest = cell; axis < axes; ++axis, rest /= cells) {

@@ -1,5 +1,6 @@
 #include "report/report.h"
 
+#include <algorithm>
 #include <fstream>
 #include <stdexcept>
 #include <string>
@@ -27,15 +28,16 @@ bool is_notes(const fs::path& file) {
     return file.extension() == ".md" && std::ifstream(file).get() != '|';
 }
 
-/// Removes the files beside the page of an earlier report in the folder: those that the new one does not have
-/// would stand beside it as if they were its own.
-void remove_report(const fs::path& folder) {
-    if (!has_report(folder)) return;
+/// Removes the files of an earlier report that the new one, with these names, does not have: they would stand
+/// beside it as if they were its own.
+void remove_others(const fs::path& folder, const std::vector<std::string>& names) {
     for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
                              "performance_profiles", "probability_of_improvement", "game_curves",
                              "game_scores", "events", "zones", "rewards"}) {
         for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
-            if (const auto file = folder / (std::string(name) + extension); !is_notes(file)) fs::remove(file);
+            if (const auto other = std::string(name) + extension;
+                std::ranges::find(names, other) == names.end() && !is_notes(folder / other))
+                fs::remove(folder / other);
     }
 }
 
@@ -87,12 +89,13 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
             "{} is there and would be replaced, and no report has written it; write to another folder",
             other.string()));
     }
-    remove_report(folder);
+    const bool reported = has_report(folder);
     std::vector<fs::path> files;
     for (const auto& name : names) {
         files.push_back(folder / name);
         fs::rename(partial.path() / name, files.back());
     }
+    if (reported) remove_others(folder, names);
     return files;
 }
 

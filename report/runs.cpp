@@ -49,14 +49,19 @@ constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
                                                           "log.every",
                                                           "log.tensorboard"};
 
+/// `visited`: how many nodes have been.
 void flatten(const YAML::Node& node, const std::string& name, std::map<std::string, std::string>& settings,
-             int depth = 0) {
-    constexpr int kDeepest = 16;  // an alias may lead back to what holds it
+             int& visited, int depth = 0) {
+    constexpr int kDeepest = 16;   // an alias may lead back to what holds it
+    constexpr int kMost = 10'000;  // aliases of aliases may stand for more than any memory holds
     if (depth > kDeepest) throw YAML::Exception(node.Mark(), fmt::format("'{}' is nested too deeply", name));
+    if (++visited > kMost)
+        throw YAML::Exception(node.Mark(), fmt::format("there are more than {} settings", kMost));
     if (node.IsMap()) {
         for (const auto& entry : node) {
             const auto key = entry.first.as<std::string>();
-            flatten(entry.second, name.empty() ? key : fmt::format("{}.{}", name, key), settings, depth + 1);
+            flatten(entry.second, name.empty() ? key : fmt::format("{}.{}", name, key), settings, visited,
+                    depth + 1);
         }
     } else if (node.IsScalar()) {
         settings[name] = node.Scalar();
@@ -68,7 +73,8 @@ void flatten(const YAML::Node& node, const std::string& name, std::map<std::stri
 std::map<std::string, std::string> read_settings(const fs::path& path) {
     std::map<std::string, std::string> settings;
     try {
-        flatten(YAML::LoadFile(path.string()), "", settings);
+        int visited = 0;
+        flatten(YAML::LoadFile(path.string()), "", settings, visited);
     } catch (const YAML::Exception& error) {
         throw std::runtime_error(fmt::format("{} cannot be read: {}", path.string(), error.what()));
     }
@@ -518,8 +524,8 @@ std::string setting_of(const Run& run, const std::string& key) {
     return found == run.settings.end() ? std::string() : found->second;
 }
 
-bool ends_before_first_update(const std::string& min_replay, double total_steps) {
-    return !min_replay.empty() && total_steps <= std::strtod(min_replay.c_str(), nullptr);
+bool ends_before_first_update(std::optional<double> min_replay, double total_steps) {
+    return min_replay && total_steps <= *min_replay;
 }
 
 std::optional<double> score_at(const Run& run, double step) {

@@ -82,9 +82,9 @@ struct FoundRuns {
 /// Returns the value of a setting; empty where the run has none.
 std::string setting_of(const Run& run, const std::string& key);
 
-/// Returns whether a run of so many agent steps ends before its agent's first update, `min_replay` being the
-/// text of agent.min_replay; false where that is empty.
-bool ends_before_first_update(const std::string& min_replay, double total_steps);
+/// Returns whether a run of so many agent steps ends before its agent's first update; `min_replay`:
+/// agent.min_replay, none of an agent without a replay.
+bool ends_before_first_update(std::optional<double> min_replay, double total_steps);
 
 /// Returns what Run::score() was after that many agent steps; none before the run's first score.
 std::optional<double> score_at(const Run& run, double step);

@@ -55,15 +55,8 @@ struct Joystick {
 };
 
 Joystick commanded(const Scene& scene) {
-    if (scene.action) {
-        const auto& action = *scene.action;
-        return {{action.radius * std::cos(action.theta), action.radius * std::sin(action.theta)},
-                action.fire};
-    }
-    const auto name = event_name(scene.event);
-    const auto has = [name](std::string_view word) { return name.find(word) != name.npos ? 1.0 : 0.0; };
-    const cv::Point2d stick(has("RIGHT") - has("LEFT"), has("UP") - has("DOWN"));
-    return {stick / std::max(1.0, cv::norm(stick)), has("FIRE")};
+    const auto action = scene.action.value_or(event_stick(scene.event));
+    return {{action.radius * std::cos(action.theta), action.radius * std::sin(action.theta)}, action.fire};
 }
 
 Joystick joystick_of(const Scene& scene) {

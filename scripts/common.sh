@@ -5,4 +5,10 @@ export CALE_DEPS_DIR=$deps
 export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=1
 
 say() { printf '\033[1m%s\033[0m\n' "$*"; }
+# With --help: prints the comment at the top of the script that calls, and ends it.
+help_from_comment() {
+    case ${1:-} in
+        -h | --help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0"; exit ;;
+    esac
+}
 fail() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }

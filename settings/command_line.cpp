@@ -23,7 +23,8 @@ namespace {
 constexpr TrainOption kOptions[] = {
     {"--config", "FILE.yaml", "read settings from this YAML file"},
     {"--set", "KEY=VALUE", "change one setting; plain KEY=VALUE does the same"},
-    {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5", "env.game"},
+    {"--env-id", "GAME", "the game: pong, Pong or ALE/Pong-v5; PongNoFrameskip-v4: without sticky actions",
+     "env.game"},
     {"--total-timesteps", "N", "agent steps to train for", "train.total_steps"},
     {"--num-envs", "N", "environments that step together", "env.num_envs"},
     {"--seed", "N", "everything random follows from it", "train.seed"},
@@ -202,6 +203,13 @@ void load(ConfigTable& table, const std::filesystem::path& file) {
     }
 }
 
+/// Gymnasium's ids that end with -v4 have no sticky actions.
+void apply_version(const Arguments& arguments, ConfigTable& table) {
+    for (const auto& [option, value] : arguments.shortcuts) {
+        if (option.key == "env.game" && value.ends_with("-v4")) table.at("env.sticky_probability").set("0");
+    }
+}
+
 /// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
 void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     CommandLine& line = arguments.line;
@@ -211,6 +219,7 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
         if (std::filesystem::exists(saved)) line.config_file = saved.string();
     }
     if (!line.config_file.empty()) load(table, line.config_file);
+    apply_version(arguments, table);
     for (const auto& setting : line.overrides) table.set_override(setting);
     for (const auto& [option, value] : arguments.shortcuts) {
         try {

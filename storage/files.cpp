@@ -144,11 +144,24 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
     write_file_atomically(path, std::span(&bytes, 1));
 }
 
+namespace {
+
+/// Where the links lead, which may be to nothing yet.
+std::filesystem::path target_of(std::filesystem::path path) {
+    constexpr int kMostLinks = 40;  // as Linux has it; a circle is replaced
+    std::error_code ignored;
+    for (int i = 0; i < kMostLinks && std::filesystem::is_symlink(path, ignored); ++i)
+        path = path.parent_path() / std::filesystem::read_symlink(path);
+    return path;
+}
+
+}  // namespace
+
 void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces) {
     namespace fs = std::filesystem;
     std::error_code ignored;
     // What a link points to is written, not the link replaced; a device is not replaced either.
-    const auto target = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path) : path;
+    const auto target = target_of(path);
     if (fs::exists(target, ignored) && !fs::is_regular_file(target, ignored) &&
         !fs::is_directory(target, ignored))
         throw std::runtime_error("cannot write '" + path.string() + "': it is no regular file");

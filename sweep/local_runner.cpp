@@ -1,6 +1,7 @@
 #include "sweep/local_runner.h"
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <deque>
@@ -37,8 +38,9 @@ std::string_view end_of(const PlannedRun& planned) {
     return planned.until > 0 ? "paused" : "finished";
 }
 
-volatile std::sig_atomic_t stops = 0;
-volatile std::sig_atomic_t interrupts = 0;
+std::atomic<int> stops = 0;  // counted in a signal handler
+std::atomic<int> interrupts = 0;
+static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
 
 /// While it lives, signals that ask for an end are counted. One that was ignored (nohup) stays so, and
 /// SIGPIPE, of a reader of the output that is gone, is.
@@ -50,8 +52,8 @@ class CountedSignals {
         for (std::size_t i = 0; i < std::size(kSignals); ++i) {
             struct sigaction action = {};
             action.sa_handler = [](int number) {
-                stops = stops + 1;
-                if (number == SIGINT) interrupts = interrupts + 1;
+                ++stops;
+                if (number == SIGINT) ++interrupts;
             };
             sigaction(kSignals[i], nullptr, &before_[i]);
             if (before_[i].sa_handler != SIG_IGN) sigaction(kSignals[i], &action, nullptr);

@@ -142,8 +142,9 @@ Base base_of(const fs::path& program, const SweepRun& run) {
 
 /// The runs of a base.
 struct BaseRuns {
-    std::vector<RunGroup> groups;           // in the order of the sweep
-    std::set<std::string> games_and_seeds;  // assignments, of all groups
+    std::vector<RunGroup> groups;                               // in the order of the sweep
+    std::map<std::vector<std::string>, std::size_t> numbers{};  // assignments -> which of them
+    std::set<std::string> games_and_seeds;                      // assignments, of all groups
 };
 
 bool is_game_or_seed(const Setting& setting) {
@@ -165,13 +166,13 @@ void add_run(const SweepRun& run, BaseRuns& runs) {
     }
     runs.games_and_seeds.insert(own.begin(), own.end());
     auto assignments = assignments_of_group(run);
-    if (std::ranges::find(runs.groups, assignments, &RunGroup::assignments) == runs.groups.end())
+    if (runs.numbers.emplace(assignments, runs.groups.size()).second)
         runs.groups.push_back(
             {.assignments = std::move(assignments), .one_of_them = std::move(own), .example = run.name});
 }
 
 const RunGroup& group_of(const SweepRun& run, const BaseRuns& runs) {
-    return *std::ranges::find(runs.groups, assignments_of_group(run), &RunGroup::assignments);
+    return runs.groups[runs.numbers.at(assignments_of_group(run))];
 }
 
 void check_rom(const SweepRun& run, const std::string& rom_dir) {

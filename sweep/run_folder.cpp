@@ -57,7 +57,9 @@ void read_newest_report(const fs::path& file, RunStatus& status) {
     for (std::size_t i = 0; i < names.size(); ++i) {
         const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), nullptr);
         if (!std::isfinite(value)) continue;
-        if (names[i] == "global_step") status.step = static_cast<std::int64_t>(value);
+        constexpr double kMostSteps = 1e15;  // a table may hold anything
+        if (names[i] == "global_step" && value >= 0 && value <= kMostSteps)
+            status.step = static_cast<std::int64_t>(value);
         if (names[i] == "steps_per_second") status.steps_per_second = value;
         if (names[i] == "charts/avg_episodic_return") status.mean_return = value;
     }

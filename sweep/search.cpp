@@ -73,29 +73,29 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
 /// A rung whose samples have been compared.
 struct Rung {
     std::vector<SampleScore> samples{};  // the best first
-    std::size_t go_on = 0;               // how many of them go on
+    std::size_t continuing = 0;          // how many of them continue
 };
 
 Rung compare_rung(const Search& search, std::span<const PlannedRun> runs, std::int64_t steps) {
     Rung rung{.samples = compared(search, runs, steps)};
-    if (steps < length_of(search)) rung.go_on = (rung.samples.size() + 1) / 2;
+    if (steps < length_of(search)) rung.continuing = (rung.samples.size() + 1) / 2;
     return rung;
 }
 
-/// Leaves the runs of those samples that go on.
+/// Leaves the runs of those samples that continue.
 void keep_better(std::vector<PlannedRun>& runs, const Rung& rung) {
     std::set<std::int64_t> kept;
-    for (const auto& sample : std::span(rung.samples).first(rung.go_on)) kept.insert(sample.sample);
+    for (const auto& sample : std::span(rung.samples).first(rung.continuing)) kept.insert(sample.sample);
     std::erase_if(runs, [&](const PlannedRun& planned) { return !kept.contains(planned.run.sample); });
 }
 
 // ---- what is left -------------------------------------------------------------------
 
 void print(const Search& search, const Rung& rung, std::FILE* out) {
-    const auto& [samples, go_on] = rung;
+    const auto& [samples, continuing] = rung;
     const auto steps = samples.front().steps;
-    if (go_on > 0) {
-        fmt::print(out, "Agent step {}: the better {} of {} samples continue.\n", steps, go_on,
+    if (continuing > 0) {
+        fmt::print(out, "Agent step {}: the better {} of {} samples continue.\n", steps, continuing,
                    samples.size());
     } else {
         fmt::print(out, "Agent step {}, the end:\n", steps);
@@ -109,11 +109,12 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
             fmt::print(out, "  {:>{}}", value, key.size());
         fmt::print(out, "\n");
     }
-    if (go_on > 0 && go_on < samples.size() && samples[go_on - 1].rank == samples[go_on].rank)
+    if (continuing > 0 && continuing < samples.size() &&
+        samples[continuing - 1].rank == samples[continuing].rank)
         fmt::print(out,
                    "Their ranks do not tell samples {} and {} apart, so the one of the smaller number "
                    "continues; with a larger first_steps in 'search:' more games end before.\n",
-                   samples[go_on - 1].sample, samples[go_on].sample);
+                   samples[continuing - 1].sample, samples[continuing].sample);
 }
 
 /// The newest comparison of each sample, the longest first.
@@ -292,7 +293,8 @@ int run_search(const Search& search, std::FILE* out) {
         write_table(search, rung.samples);
         if (left.empty() && has_score(rung.samples.front()))
             write_best(search, rung.samples.front(), compared_last);
-        dropped.assign(rung.samples.begin() + static_cast<std::ptrdiff_t>(rung.go_on), rung.samples.end());
+        dropped.assign(rung.samples.begin() + static_cast<std::ptrdiff_t>(rung.continuing),
+                       rung.samples.end());
     }
     return exit_code;
 }

@@ -34,7 +34,8 @@ std::string drawn(const NumberRange& range, std::mt19937_64& random) {
     }
     double value = low + (high - low) * uniform(random);
     if (range.logarithmic) value = std::exp(value);
-    if (range.whole) return fmt::format("{:.0f}", std::clamp(std::round(value), range.low, range.high));
+    if (range.whole)  // + 0.0: no "-0"
+        return fmt::format("{:.0f}", std::clamp(std::round(value), range.low, range.high) + 0.0);
     // Three digits, and as many more as the ends have in common.
     const double spread = (range.high - range.low) / std::max(std::abs(range.low), std::abs(range.high));
     const int digits = 3 + static_cast<int>(std::max(0.0, std::ceil(-std::log10(spread))));

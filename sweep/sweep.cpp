@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <fnmatch.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "cale/fields.h"
@@ -23,9 +22,11 @@
 #include "sweep/plan.h"
 #include "sweep/run_folder.h"
 #include "sweep/search.h"
+#include "sweep/settings.h"
 #include "sweep/slurm.h"
 #include "sweep/sweep_file.h"
 #include "sweep/table.h"
+#include "terminal/columns.h"
 #include "terminal/exit_code.h"
 #include "train/resume.h"
 
@@ -54,8 +55,8 @@ void keep_only(std::vector<SweepRun>& runs, const std::vector<std::string>& patt
 
 std::size_t width_of(std::FILE* out) {
     constexpr std::size_t unlimited = 1000;
-    winsize size{};
-    return ::ioctl(::fileno(out), TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : unlimited;
+    const auto size = terminal_size(out);
+    return size ? size->columns : unlimited;
 }
 
 // ---- the sweep's folder -------------------------------------------------------------
@@ -193,7 +194,8 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 
 bool makes_no_update(const PlannedRun& planned) {
     const auto* const first = planned_value(planned, "agent.min_replay");
-    return first != nullptr && ends_before_first_update(*first, static_cast<double>(planned.total_steps));
+    return first != nullptr && ends_before_first_update(static_cast<double>(integer_in(*first)),
+                                                        static_cast<double>(planned.total_steps));
 }
 
 // ---- searches -----------------------------------------------------------------------

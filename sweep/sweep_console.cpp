@@ -4,10 +4,10 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "cale/text.h"
+#include "terminal/columns.h"
 
 namespace cale {
 namespace {
@@ -42,10 +42,9 @@ void SweepConsole::show(std::span<const RunRow> runs) {
         write(summary(runs) + "\n");
         return;
     }
-    winsize size{};
-    const bool known = ::ioctl(::fileno(out_), TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-    const std::size_t width = (known ? size.ws_col : kUsualWidth) - 1;  // some terminals wrap a full line
-    const std::size_t height = known ? size.ws_row : kUsualHeight;
+    const auto size = terminal_size(out_).value_or(TerminalSize{kUsualWidth, kUsualHeight});
+    const std::size_t width = size.columns - 1;  // some terminals wrap a full line
+    const std::size_t height = size.rows;
     std::vector<RunRow> running;
     for (const auto& run : runs) {
         // Two lines are above them, and the cursor's line is below.

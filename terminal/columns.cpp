@@ -35,10 +35,15 @@ std::string two_columns(std::string_view left, std::string_view right, std::size
     return name + text.substr(name.size());
 }
 
-std::size_t terminal_width() {
+std::optional<TerminalSize> terminal_size(std::FILE* out) {
     winsize size{};
-    if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
-    return std::clamp<std::size_t>(size.ws_col, 40, 120);
+    if (::ioctl(::fileno(out), TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return std::nullopt;
+    return TerminalSize{.columns = size.ws_col, .rows = size.ws_row};
+}
+
+std::size_t terminal_width() {
+    const auto size = terminal_size(stdout);
+    return size ? std::clamp<std::size_t>(size->columns, 40, 120) : 80;
 }
 
 }  // namespace cale

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdio>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -12,6 +14,13 @@ std::string wrap(std::string_view text, std::size_t indent, std::size_t width);
 
 /// `left` indented by two, `right` wrapped from column `column` on, below it where `left` is long.
 std::string two_columns(std::string_view left, std::string_view right, std::size_t column, std::size_t width);
+
+/// The size of a terminal in characters.
+struct TerminalSize {
+    std::size_t columns, rows;
+};
+/// Returns the size of the terminal behind `out`; none where it is no terminal, or one that does not say.
+std::optional<TerminalSize> terminal_size(std::FILE* out);
 
 /// Columns of the standard output's terminal, 40 to 120; 80 where there is none.
 std::size_t terminal_width();

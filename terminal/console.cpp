@@ -1,7 +1,6 @@
 #include "terminal/console.h"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <limits>
 
 #include "cale/text.h"
+#include "terminal/columns.h"
 
 namespace cale {
 namespace {
@@ -209,9 +209,8 @@ void Console::write(std::string_view text) {
 }
 
 int Console::width() const {
-    winsize size{};
-    if (::ioctl(::fileno(out_), TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualWidth;
-    return size.ws_col;
+    const auto size = terminal_size(out_);
+    return size ? static_cast<int>(size->columns) : kUsualWidth;
 }
 
 }  // namespace cale

@@ -20,19 +20,26 @@ std::string one_sentence(std::string text) {
     return printable(text);
 }
 
+std::string text_of(const std::exception& error) {
+    const auto* torch = dynamic_cast<const c10::Error*>(&error);
+    return torch != nullptr ? torch->what_without_backtrace() : error.what();
+}
+
 }  // namespace
+
+bool is_out_of_memory(const std::exception& error) {
+    if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) return true;
+    // LibTorch has no type of its own for it, on the CPU or on GPUs.
+    const auto text = text_of(error);
+    return dynamic_cast<const c10::Error*>(&error) != nullptr &&
+           (text.find("can't allocate memory") != text.npos || text.find("out of memory") != text.npos);
+}
 
 std::string failure_sentence(const std::exception& error) {
     if (const auto* file = dynamic_cast<const std::filesystem::filesystem_error*>(&error))
         return one_sentence(
             fmt::format("cannot use '{}': {}", file->path1().string(), file->code().message()));
-    const auto* torch = dynamic_cast<const c10::Error*>(&error);
-    std::string text = torch != nullptr ? torch->what_without_backtrace() : error.what();
-    // LibTorch tells no type of them apart, on the CPU and on GPUs.
-    const bool memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr ||
-                        (torch != nullptr && (text.find("can't allocate memory") != text.npos ||
-                                              text.find("out of memory") != text.npos));
-    if (!memory) return one_sentence(std::move(text));
+    if (!is_out_of_memory(error)) return one_sentence(text_of(error));
     return "there is not enough memory; free some, or ask for less: smaller batches, networks, rollouts or "
            "replay, fewer games at once";
 }

@@ -6,6 +6,9 @@
 
 namespace cale {
 
+/// Returns whether memory ran out, on the CPU or on a GPU.
+bool is_out_of_memory(const std::exception& error);
+
 /// Returns the error as one printable() sentence: what() for most errors. LibTorch's come without their stack
 /// trace; errors of exhausted memory and of files come with a remedy.
 std::string failure_sentence(const std::exception& error);

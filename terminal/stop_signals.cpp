@@ -1,11 +1,13 @@
 #include "terminal/stop_signals.h"
 
+#include <atomic>
 #include <cstddef>
 
 namespace cale {
 namespace {
 
-volatile std::sig_atomic_t requested = 0;
+std::atomic<int> requested = 0;  // read by other threads, too
+static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
 
 }  // namespace
 
@@ -38,8 +40,9 @@ bool stop_requested() {
 }
 
 std::string_view stop_signal() {
-    if (!stop_requested()) return {};
-    return requested == SIGINT ? "SIGINT" : requested == SIGHUP ? "SIGHUP" : "SIGTERM";
+    const int signal = requested;
+    if (signal == 0) return {};
+    return signal == SIGINT ? "SIGINT" : signal == SIGHUP ? "SIGHUP" : "SIGTERM";
 }
 
 }  // namespace cale

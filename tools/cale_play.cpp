@@ -105,7 +105,7 @@ std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
 class FilmProgress {
   public:
     explicit FilmProgress(const PlayPlan& plan) {
-        if (plan.games < std::numeric_limits<std::int64_t>::max()) progress_.total_games = plan.games;
+        if (plan.games < kNoLimit) progress_.total_games = plan.games;
     }
     void step(const EvaluatedGame& game) {
         ++progress_.steps;

@@ -326,15 +326,14 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
         try {
             checkpoint.stored = load_checkpoint(*folder, agent, restore_games, checkpoint.state);
             return checkpoint;
-        } catch (const std::system_error& error) {
+        } catch (const std::exception& error) {
+            const auto* system = dynamic_cast<const std::system_error*>(&error);
             // It may be whole, and would be deleted as one that was passed over.
-            if (!is_missing(error.code()))
+            if (is_out_of_memory(error) || (system != nullptr && !is_missing(system->code())))
                 throw ResumeError(
                     fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it "
                                 "away to resume from the one before",
                                 folder->string(), failure_sentence(error)));
-            pass_over(failure_sentence(error));
-        } catch (const std::exception& error) {
             pass_over(failure_sentence(error));
         }
     }

@@ -93,7 +93,7 @@ std::span<const T> stored_values(const TensorMap& state, const std::string& name
         !found->second.is_contiguous())
         throw std::runtime_error("the state of the games lacks '" + name + "'");
     const auto size = static_cast<std::size_t>(found->second.numel());
-    if (count != 0 && size != count)
+    if (size != count)
         throw std::runtime_error(
             fmt::format("the state of the games has {} values of '{}', not {}", size, name, count));
     return {found->second.const_data_ptr<T>(), size};

@@ -71,8 +71,8 @@ std::optional<ProcessRank> find_rank(const TrainingProgram& program, const Train
     if (!process) return process;
     if (!program.several_processes) {
         throw ConfigError(
-            fmt::format("WORLD_SIZE={}: {} trains in one process; of the agents here only ppo trains in "
-                        "several, so start {} without torchrun and with WORLD_SIZE unset",
+            fmt::format("WORLD_SIZE={}: {} trains in one process: start {} without torchrun and with "
+                        "WORLD_SIZE unset",
                         process->size, program.agent_name, program.name));
     }
     if (program.num_envs % process->size != 0) {

@@ -110,19 +110,21 @@ int frame_count(const Session& session) {
     return static_cast<int>(session.frames().size());
 }
 val screen(const Session& session, int frame) {
-    return guarded([&] { return view(std::span(session.frames()[static_cast<std::size_t>(frame)].rgba)); });
+    return guarded([&] { return view(std::span(session.frame(frame).rgba)); });
 }
 val stick(const Session& session, int frame) {
-    const auto& position = session.frames()[static_cast<std::size_t>(frame)].stick;
-    if (!position) return val::null();
-    val result = val::object();
-    result.set("x", position->x);
-    result.set("y", position->y);
-    result.set("button", position->button);
-    return result;
+    return guarded([&] {
+        const auto& position = session.frame(frame).stick;
+        if (!position) return val::null();
+        val result = val::object();
+        result.set("x", position->x);
+        result.set("y", position->y);
+        result.set("button", position->button);
+        return result;
+    });
 }
 val observation(const Session& session) {
-    return view(session.observation());
+    return guarded([&] { return view(session.observation()); });
 }
 val output(const Session& session) {
     return guarded([&] { return view(session.output()); });

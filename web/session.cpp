@@ -56,6 +56,17 @@ const Env& Session::env() const {
     return *env_;
 }
 
+const Frame& Session::frame(int number) const {
+    if (number < 0 || static_cast<std::size_t>(number) >= frame_count_)
+        throw std::out_of_range("there is no frame " + std::to_string(number));
+    return frames_[static_cast<std::size_t>(number)];
+}
+
+std::span<const std::uint8_t> Session::observation() const {
+    static_cast<void>(env());  // throws where there is no game
+    return stack_->data();
+}
+
 void Session::load_policy(std::string_view contents, const std::string& name) {
     auto policy = lite::Policy::parse(contents, name);
     auto trained = trained_env(policy.info());

@@ -61,11 +61,13 @@ class Session {
 
     /// Returns the frames of the newest step, the newest last; before the first step the game's first screen.
     std::span<const Frame> frames() const { return {frames_.data(), frame_count_}; }
+    /// Returns one of them. Throws std::out_of_range.
+    const Frame& frame(int number) const;
     int screen_height() const { return env().screen_height(); }
     int screen_width() const { return env().screen_width(); }
     /// Returns what the policy sees next: [stack, 84, 84] or [stack, 128] bytes, more with
     /// env.observe_joystick.
-    std::span<const std::uint8_t> observation() const { return stack_->data(); }
+    std::span<const std::uint8_t> observation() const;
     /// Returns the network's output for the newest decision: see lite::Policy::output_size().
     std::span<const float> output() const { return policy().newest_output(*workspace_); }
     /// Returns draws (x, y, fire) of the policy's Gaussian for the newest decision, three numbers each,

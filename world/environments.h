@@ -1,6 +1,7 @@
 // A World of N equal environments, from a class that has the rules of one.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -10,6 +11,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "world/world.h"
@@ -36,7 +38,9 @@ class Environments final : public World {
     ActionSpace action_space() const override { return Game::action_space(); }
     ObservationSpace observation_space() const override { return Game::observation_space(); }
 
+    /// Throws std::invalid_argument where `frames` is not N x frame_size bytes.
     void reset(std::span<std::uint8_t> frames) override {
+        require("bytes of frames", frames.size(), games_.size() * frame_size());
         for (std::size_t i = 0; i < games_.size(); ++i) {
             games_[i].reset();
             games_[i].draw(row(frames, i));
@@ -45,6 +49,11 @@ class Environments final : public World {
 
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override {
+        require("bytes of frames", frames.size(), games_.size() * frame_size());
+        require("bytes of final frames", final_frames.size(), games_.size() * frame_size());
+        require("results", results.size(), games_.size());
+        require("numbers of actions", std::visit([](const auto& all) { return all.size(); }, actions),
+                games_.size() * std::max<std::size_t>(1, action_size()));
         std::exception_ptr first;
         for (std::size_t i = 0; i < games_.size(); ++i) {
             auto& game = games_[i];
@@ -94,17 +103,27 @@ class Environments final : public World {
     }
 
   private:
+    static std::size_t frame_size() {
+        return static_cast<std::size_t>(Game::observation_space().frame_size());
+    }
+    static std::size_t action_size() { return static_cast<std::size_t>(box_size(Game::action_space())); }
+
+    static void require(const char* what, std::size_t given, std::size_t expected) {
+        if (given != expected)
+            throw std::invalid_argument("the world expects " + std::to_string(expected) + ' ' + what +
+                                        ", not " + std::to_string(given));
+    }
+
     static std::span<std::uint8_t> row(std::span<std::uint8_t> frames, std::size_t i) {
-        const auto size = static_cast<std::size_t>(Game::observation_space().frame_size());
-        return frames.subspan(i * size, size);
+        return frames.subspan(i * frame_size(), frame_size());
     }
 
     static StepResult step_one(Game& game, const Actions& actions, std::size_t i) {
         if constexpr (requires { game.step(std::int64_t{}); }) {
             return game.step(std::get<std::span<const std::int64_t>>(actions)[i]);
         } else {
-            const auto size = static_cast<std::size_t>(box_size(Game::action_space()));
-            return game.step(std::get<std::span<const float>>(actions).subspan(i * size, size));
+            return game.step(
+                std::get<std::span<const float>>(actions).subspan(i * action_size(), action_size()));
         }
     }
 

@@ -44,7 +44,8 @@ class World {
     ///   frames        N x frame_size: the newest array, or the next episode's first
     ///   final_frames  N x frame_size: an episode's last array, written only where one is over
     ///   results       N
-    /// Throws what a bad action deserves, after all environments have finished the step.
+    /// Throws for an impossible action, such as std::invalid_argument, after all environments have finished
+    /// the step.
     virtual void step(const Actions& actions, std::span<std::uint8_t> frames,
                       std::span<std::uint8_t> final_frames, std::span<StepResult> results) = 0;
 

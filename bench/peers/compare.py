@@ -265,6 +265,8 @@ for section, measure in {"env": environments, "update": updates, "end-to-end": e
                          "ppo": numbers_of_environments, "sweep": sweeps, "decision": decisions}.items():
     if options.only in (None, section):
         measure()
+if not rows:
+    sys.exit("bench/compare: no peer has what was asked for; docs/performance.md says which has what")
 with open(options.csv, "w", newline="") as file:
     writer = csv.DictWriter(file, rows[0])
     writer.writeheader()

@@ -399,10 +399,11 @@ TEST_P(EveryAgent, RefusesRewardsThatAreNoNumbersAndOtherCounts) {
     step.results[1].reward = 0;
     EXPECT_NO_THROW(agent->observe(step.experiences(actions)));
     agent->act(step.observations, ActMode::train);
-    EXPECT_THROW(agent->observe(step.experiences(actions.slice(0, 0, 1))), std::invalid_argument);
+    EXPECT_THAT([&] { agent->observe(step.experiences(actions.slice(0, 0, 1))); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("actions")));
     step.results.resize(3);
     EXPECT_THAT([&] { agent->observe(step.experiences(actions)); },
-                ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2 environments"), HasSubstr("3"))));
+                ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2"), HasSubstr("not 3"))));
 }
 
 TEST_P(EveryAgent, RefusesATruncationWithoutItsFinalFrames) {

@@ -76,6 +76,17 @@ TEST(AgentMemoryOnTheCpu, HoldsEveryFrameTwiceWhereTheReplayIsOnTheDevice) {
     EXPECT_THAT(refusal(config, 12 * kGigabyte), StartsWith("the replay needs 14.2 GB of memory"));
 }
 
+TEST(AgentMemoryOfPpo, HoldsASecondNetworkWithOverlap) {
+    const auto gigabytes = [](bool overlap) {
+        auto spec = world(0);
+        spec.overlap = overlap;
+        const auto sentence =
+            test::error_of<std::runtime_error>([&] { check_memory(PpoConfig(), spec, /*available=*/0); });
+        return std::stod(sentence.substr(sentence.find("needs ") + 6));
+    };
+    EXPECT_NEAR(gigabytes(true) / gigabytes(false), 9.0 / 7, 0.02);
+}
+
 TEST(AgentMemoryOfPpo, HoldsTheRollout) {
     PpoConfig config;
     config.rollout_steps = 1'000'000;

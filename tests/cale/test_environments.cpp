@@ -38,6 +38,20 @@ TEST(EnvironmentsTest, AllFinishTheStepInWhichOneFails) {
     EXPECT_EQ(frames, (std::vector<std::uint8_t>{0, 1, 1}));
 }
 
+TEST(EnvironmentsTest, ArraysOfOtherSizesAreRefused) {
+    Environments<Counting> world(std::array<std::uint32_t, 2>{1, 2});
+    std::vector<std::uint8_t> frames(2), last(2), too_few(1);
+    std::vector<StepResult> results(2), too_many(3);
+    const std::vector<std::int64_t> actions(2), one_action(1);
+    EXPECT_THROW(world.reset(too_few), std::invalid_argument);
+    world.reset(frames);
+    EXPECT_THROW(world.step(actions, too_few, last, results), std::invalid_argument);
+    EXPECT_THROW(world.step(actions, frames, too_few, results), std::invalid_argument);
+    EXPECT_THROW(world.step(actions, frames, last, too_many), std::invalid_argument);
+    EXPECT_THROW(world.step(one_action, frames, last, results), std::invalid_argument);
+    EXPECT_NO_THROW(world.step(actions, frames, last, results));
+}
+
 TEST(EnvironmentsTest, StatesOfAnotherNumberOfEnvironmentsAreRefused) {
     Environments<Counting> world(std::array<std::uint32_t, 2>{1, 2});
     auto records = world.record();

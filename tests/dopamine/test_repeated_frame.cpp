@@ -51,6 +51,21 @@ TEST(RepeatedFrame, ANewEpisodeForgetsIt) {
     EXPECT_EQ(seen(repeated, 11), (Frames{8, 9, 10, 11}));
 }
 
+TEST(RepeatedFrame, RefusesAStateOfAnotherKindAndStaysAsItIs) {
+    RepeatedFrame repeated;
+    step(repeated, 9);
+    repeated.push();
+    const auto good = repeated.state();
+    for (const auto& [name, bad] : {std::pair("previous", torch::zeros({4}, torch::kFloat32)),
+                                    {"repeated", torch::zeros({7}, torch::kUInt8)},
+                                    {"newer", torch::zeros({2}, torch::kInt64)}}) {
+        auto state = good;
+        state.at(name) = bad;
+        EXPECT_THROW(repeated.restore(state), std::runtime_error) << name;
+    }
+    EXPECT_EQ(seen(repeated, 10), (Frames{8, 9, 10, 9}));
+}
+
 TEST(RepeatedFrame, AnUpdateAtTheStartOfAnEpisodeRepeatsTheFrameBeforeTheOneThatItEndedOn) {
     RepeatedFrame repeated;
     step(repeated, 9);

@@ -117,10 +117,10 @@ TEST(Evaluation, ThePlansOfBothProtocols) {
     EXPECT_EQ(steps.steps, 125'000);
     EXPECT_EQ(steps.epsilon, 0.001);
     EXPECT_EQ(steps.env.noop_max, 7);
-    EXPECT_EQ(steps.games, std::numeric_limits<std::int64_t>::max());
+    EXPECT_EQ(steps.games, kNoLimit);
 }
 
-TEST(EvaluationEmulator, AsksForCollectorAlone) {
+TEST(EvaluationEmulator, AsksForGamesUnderWayAlone) {
     auto plan = short_games();
     plan.parallel = 3;
     std::vector<std::size_t> asked;
@@ -140,7 +140,7 @@ TEST(EvaluationEmulator, AsksForCollectorAlone) {
 TEST(EvaluationEmulator, FixedStepsEndsWithTheGameThatReachesThem) {
     auto plan = short_games();
     plan.env.noop_max = 0;  // a game is cut off after some 50 agent steps
-    plan.games = std::numeric_limits<std::int64_t>::max();
+    plan.games = kNoLimit;
     plan.steps = 120;
     const auto alone = evaluate(by_sight(), plan);
     std::int64_t before = 0;
@@ -156,7 +156,7 @@ TEST(EvaluationEmulator, FixedStepsEndsWithTheGameThatReachesThem) {
 TEST(EvaluationEmulator, GamesThatAreKnownAreNotPlayedAgain) {
     for (const bool by_steps : {false, true}) {
         auto plan = short_games();
-        plan.games = by_steps ? std::numeric_limits<std::int64_t>::max() : 5;
+        plan.games = by_steps ? kNoLimit : 5;
         if (by_steps) plan.steps = 160;
         std::map<std::int64_t, EvaluatedGame> all;
         plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { all[number] = game; };

@@ -42,7 +42,7 @@ TEST(RunFolders, AreInTheOrderOfTheirNamesAndNumbers) {
 EvaluationProtocol some_protocol() {
     return {.name = "fixed_episodes",
             .games = 100,
-            .steps = std::numeric_limits<std::int64_t>::max(),
+            .steps = kNoLimit,
             .epsilon = 0.001,
             .noop_max = 29,
             .seed = 1,

@@ -1,4 +1,4 @@
-// Named tensors: the reader that copies, and the one that does not.
+// Named tensors.
 
 #include "fuzz.h"
 #include "policy/torch/safetensors.h"

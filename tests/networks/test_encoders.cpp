@@ -238,17 +238,17 @@ TEST(Encoder, UnpaddedItHasTheShapesOfMnihEtAl) {
     const auto features = [](EncoderKind kind, std::int64_t side) {
         const EncoderConfig config{
             .encoder = kind, .observation = {4, side, side}, .padding = Padding::valid};
-        return ConvEncoder(config, generator())->size();
+        return TrunkEncoder(config, generator())->size();
     };
     EXPECT_EQ(features(EncoderKind::phi_dqn, 84), 7 * 7 * 64);
     EXPECT_EQ(features(EncoderKind::phi_dqn, 36), 1 * 1 * 64);
     EXPECT_EQ(features(EncoderKind::phi_sac, 84), 35 * 35 * 32);
 }
 
-TEST(ConvEncoder, IsATrunkAndNothingElse) {
+TEST(TrunkEncoder, IsATrunkAndNothingElse) {
     const torch::NoGradGuard no_grad;
     const EncoderConfig config{.encoder = EncoderKind::phi_dqn, .observation = {4, 20, 20}};
-    ConvEncoder alone(config, generator());
+    TrunkEncoder alone(config, generator());
     auto branched = make(config);
     EXPECT_EQ(names(*alone), (std::set<std::string>{"conv1.weight", "conv1.bias", "conv2.weight",
                                                     "conv2.bias", "conv3.weight", "conv3.bias"}));

@@ -199,7 +199,7 @@ TEST(GaussianActor, EveryPartOfASummedDeviationIsTrainedAlike) {
     EXPECT_TRUE(torch::equal(actor->named_parameters()["log_std.bias"].grad(), torch::full({3}, 4.0f)));
 }
 
-TEST(ValuesOf, TakesOneValuePerRow) {
+TEST(GatherActions, TakesOneValuePerRow) {
     const auto values = torch::tensor({{1.0f, 2.0f, 3.0f}, {4.0f, 5.0f, 6.0f}});
     EXPECT_TRUE(torch::equal(gather_actions(values, torch::tensor({2, 0}, torch::kInt64)),
                              torch::tensor({3.0f, 4.0f})));

@@ -39,6 +39,7 @@ TEST(RandomShift, IsAPaddingByReplicationAndACrop) {
         EXPECT_TRUE(torch::equal(moved[i], padded[i].slice(1, row, row + 9).slice(2, column, column + 7)))
             << i;
     }
+    EXPECT_TRUE(torch::equal(shifted_by_index(images, shifts), moved)) << "as on a GPU";
 }
 
 TEST(RandomShift, EveryShiftComesAndEachObservationHasItsOwn) {

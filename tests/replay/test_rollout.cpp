@@ -142,6 +142,51 @@ TEST(Rollout, ATruncationNeedsItsFinalFrame) {
     EXPECT_NO_THROW(rollout.add(actions(0), rewards(0, 0), {}));  // where nothing is cut off it needs none
 }
 
+/// Two steps, the second of which cuts the first environment off.
+Rollout cut_off() {
+    Rollout rollout(small_config());
+    add(rollout, rewards(1, 2));
+    auto results = rewards(3, 4);
+    results[0].truncated = results[0].episode_over = true;
+    add(rollout, results);
+    return rollout;
+}
+
+TEST(Rollout, ContinuesFromItsState) {
+    auto from = cut_off();
+    auto to = filled();
+    to.restore(from.state());
+    for (auto* rollout : {&from, &to}) {
+        ASSERT_EQ(rollout->steps, 2);
+        add(*rollout, rewards(5, 6));
+    }
+    EXPECT_TRUE(torch::equal(to.observation, from.observation));
+    EXPECT_TRUE(torch::equal(to.action, from.action));
+    EXPECT_TRUE(torch::equal(to.reward, from.reward));
+    EXPECT_TRUE(torch::equal(to.terminal, from.terminal));
+    ASSERT_EQ(to.truncations.size(), 1U);
+    EXPECT_EQ(to.truncations[0].step, 1);
+    EXPECT_EQ(to.truncations[0].env, 0);
+    EXPECT_TRUE(torch::equal(to.truncations[0].observation, from.truncations[0].observation));
+}
+
+TEST(Rollout, RefusesAStateThatDoesNotFitAndStaysAsItIs) {
+    auto shorter = small_config();
+    shorter.length = 1;
+    Rollout rollout(shorter);
+    EXPECT_THAT([&] { rollout.restore(cut_off().state()); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("longer than agent.rollout_steps")));
+    EXPECT_EQ(rollout.steps, 0);
+
+    auto other = filled();
+    auto state = cut_off().state();
+    state.at("truncation_at")[0][0] = 2;
+    EXPECT_THAT([&] { other.restore(state); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("cut off where it has no step")));
+    EXPECT_EQ(other.steps, 3);
+    EXPECT_TRUE(torch::equal(other.reward, filled().reward));
+}
+
 TEST(Rollout, RefusesRewardsThatAreNoNumbers) {
     Rollout rollout(small_config());
     for (const float reward :

@@ -336,6 +336,8 @@ TEST(JoystickMap, RandomActionsOfOtherCoordinatesReachOtherZones) {
     EXPECT_NEAR(share(Joystick::factored, Event::up_left_fire), 1.0 / 18, 1e-9);
     EXPECT_NEAR(share(Joystick::direction, Event::noop), share(Joystick::polar, Event::noop), 0.03);
     EXPECT_THAT(joystick_map_text(0.5, Joystick::cartesian), HasSubstr("cartesian"));
+    const auto of_paddle = event_shares_of_random_actions(0.33, Joystick::paddle);
+    EXPECT_NEAR(of_paddle[static_cast<std::size_t>(Event::left)], 0.67 / 2 * 0.33, 1e-5);
 }
 
 TEST(JoystickMap, NamesAllEighteenEvents) {

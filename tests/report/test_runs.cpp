@@ -124,6 +124,21 @@ TEST_F(Runs, SettingsThatLeadBackToThemselvesLeaveOutTheirRunAlone) {
     EXPECT_THAT(all.left_out[0].why, HasSubstr("nested too deeply"));
 }
 
+TEST_F(Runs, SettingsThatStandForMoreThanMemoryHoldsLeaveOutTheirRunAlone) {
+    std::string bomb = "a0: &a0 {x: 1}\n";
+    for (int i = 1; i < 16; ++i) {
+        std::string items;
+        for (int k = 0; k < 10; ++k) items += fmt::format("k{}: *a{}, ", k, i - 1);
+        bomb += fmt::format("a{}: &a{} {{{}}}\n", i, i, items);
+    }
+    folders_.run("a", "sac", "Pong", 1, {-21}, bomb);
+    folders_.run("b", "sac", "Pong", 2, {-21});
+    const auto all = found();
+    EXPECT_THAT(all.runs, SizeIs(1));
+    ASSERT_THAT(all.left_out, SizeIs(1));
+    EXPECT_THAT(all.left_out[0].why, HasSubstr("more than 10000 settings"));
+}
+
 TEST_F(Runs, EventsAreThoseOfTheTrainingWhoseScoreCounts) {
     folders_.run("a", "sac", "Pong", 1, {-21});
     EXPECT_THAT(found().runs.at(0).event_shares, IsEmpty());

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "cale/env.h"
+#include "cale/games.h"
 #include "support/temporary_folder.h"
 
 namespace cale {
@@ -99,6 +100,17 @@ TEST_F(CommandLineTest, LaterSourcesHaveTheLastWord) {
     EXPECT_EQ(env_.num_envs, 4);      // the option before KEY=VALUE, wherever it stands
     EXPECT_EQ(train_.seed, 9);
     EXPECT_EQ(train_.total_steps, 100);
+}
+
+TEST_F(CommandLineTest, IdsThatEndWithV4AreWithoutStickyActions) {
+    const auto file = folder_.write("x.yaml", "env:\n  sticky_probability: 0.5\n").string();
+    parse({"--env-id", "PongNoFrameskip-v4", "--config", file});
+    EXPECT_EQ(env_.sticky_probability, 0);
+    EXPECT_EQ(find_game(env_.game).name, "Pong");
+    parse({"--env-id", "PongNoFrameskip-v4", "env.sticky_probability=0.125"});
+    EXPECT_EQ(env_.sticky_probability, 0.125) << "what is said of the key itself is stronger";
+    parse({"--env-id", "ALE/Pong-v5", "--config", file});
+    EXPECT_EQ(env_.sticky_probability, 0.5);
 }
 
 TEST_F(CommandLineTest, OverridesRepeat) {

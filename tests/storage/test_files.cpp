@@ -40,6 +40,11 @@ TEST(Files, ALinkStaysOneAndADeviceToo) {
     write_file_atomically(folder.path() / "link", "new");
     EXPECT_TRUE(std::filesystem::is_symlink(folder.path() / "link"));
     EXPECT_EQ(read_file(folder.path() / "file"), "new");
+    std::filesystem::create_directory(folder.path() / "there");
+    std::filesystem::create_symlink("there/absent", folder.path() / "dangling");
+    write_file_atomically(folder.path() / "dangling", "made");
+    EXPECT_TRUE(std::filesystem::is_symlink(folder.path() / "dangling"));
+    EXPECT_EQ(read_file(folder.path() / "there/absent"), "made");
     ASSERT_EQ(::mkfifo((folder.path() / "pipe").c_str(), 0600), 0);
     EXPECT_THROW(write_file_atomically(folder.path() / "pipe", "new"), std::runtime_error);
     EXPECT_TRUE(std::filesystem::is_fifo(folder.path() / "pipe"));

@@ -25,6 +25,8 @@ std::vector<std::string> files_of_kind(std::string_view kind) {
         const auto file = YAML::LoadFile(entry.path().string());
         if (file["kind"] && file["kind"].as<std::string>() == kind) found.push_back(entry.path().filename());
     }
+    if (found.empty())
+        throw std::runtime_error("no golden file of the kind " + std::string(kind) + " in " + directory());
     std::sort(found.begin(), found.end());
     return found;
 }

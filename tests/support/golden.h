@@ -17,7 +17,8 @@ std::string directory();
 /// A file of that folder. Throws std::runtime_error that names the missing file.
 YAML::Node load(const std::string& file_name);
 
-/// Every file of that folder whose top-level `kind` is this one, sorted by name.
+/// Every file of that folder whose top-level `kind` is this one, sorted by name. Throws std::runtime_error
+/// where there is none.
 std::vector<std::string> files_of_kind(std::string_view kind);
 
 /// FNV-1a 64 of "case/name".

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,6 @@
 
 #include "replay/replay_buffer.h"
 #include "storage/files.h"
-#include "storage/run_lock.h"
 #include "support/full_disk.h"
 #include "support/temporary_folder.h"
 #include "train/agent_file.h"
@@ -39,7 +39,10 @@ class Rememberer : public Agent {
     bool update(const torch::Tensor&) override { return false; }
     std::map<std::string, double> metrics() override { return {}; }
     TensorMap state() override { return {{"steps", torch::tensor(steps)}}; }
-    void load_state(const TensorMap& state) override { steps = state.at("steps").item<std::int64_t>(); }
+    void load_state(const TensorMap& state) override {
+        if (memory_is_full) throw std::bad_alloc();
+        steps = state.at("steps").item<std::int64_t>();
+    }
     ReplayBuffer* replay() override { return &replay_; }
 
     void step() {
@@ -53,6 +56,7 @@ class Rememberer : public Agent {
     }
 
     std::int64_t steps = 0;
+    bool memory_is_full = false;
 
   private:
     ReplayBuffer replay_{{.capacity = 64, .observation = {4, {2, 2}}, .action_size = 0}};
@@ -175,6 +179,17 @@ TEST_F(Checkpoints, GamesThatCannotBePlayedAgainAreNoGoodEither) {
     write_at(100);
     games_are_bad = true;
     EXPECT_THAT([&] { load(); }, ThrowsMessage<ResumeError>(HasSubstr("these games cannot be")));
+}
+
+TEST_F(Checkpoints, TheNewestIsNotPassedOverForLackOfMemory) {
+    write_at(100);
+    write_at(110);
+    agent.memory_is_full = true;
+    EXPECT_THAT([&] { load(); },
+                ThrowsMessage<ResumeError>(
+                    AllOf(HasSubstr("step_000000110 cannot be read now"), HasSubstr("not enough memory"))));
+    agent.memory_is_full = false;
+    EXPECT_EQ(load().state.step, 110);
 }
 
 TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
@@ -348,19 +363,6 @@ TEST_F(Checkpoints, ADeletedFolderIsReported) {
     EXPECT_THAT([&] { writer.finish(); },
                 ThrowsMessage<std::runtime_error>(AllOf(HasSubstr(run.string()), HasSubstr("is gone"))));
     EXPECT_FALSE(fs::exists(run));
-}
-
-TEST(RunLock, IsForOneProcess) {
-    const test::TemporaryFolder folder;
-    {
-        const RunLock lock(folder.path());
-        EXPECT_THAT([&] { RunLock second(folder.path()); },
-                    ThrowsMessage<std::runtime_error>(
-                        AllOf(HasSubstr(folder.path().string()), HasSubstr(std::to_string(::getpid())))));
-    }
-    EXPECT_NO_THROW(RunLock again(folder.path()));
-    EXPECT_THAT([&] { RunLock nowhere(folder / "absent"); },
-                ThrowsMessage<std::runtime_error>(HasSubstr("No such file")));
 }
 
 }  // namespace

@@ -1,4 +1,3 @@
-#include "storage/checksum.h"
 #include "train/event_file.h"
 #include "train/tensorboard.h"
 
@@ -19,13 +18,6 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::MatchesRegex;
 using ::testing::ThrowsMessage;
-
-TEST(Crc32c, AgreesWithRfc3720) {
-    EXPECT_EQ(crc32c("123456789"), 0xE3069283u);
-    EXPECT_EQ(crc32c(std::string(32, '\0')), 0x8A9136AAu);
-    EXPECT_EQ(crc32c(std::string(32, '\xFF')), 0x62A8AB43u);
-    EXPECT_EQ(crc32c(""), 0u);
-}
 
 TEST(TfRecord, FramesItsBytes) {
     const auto record = tf_record("abc");

@@ -109,29 +109,42 @@ std::vector<Case> cases() {
     PpoConfig ppo_ram;
     DqnConfig dqn_ram;
     sac_ram.network.encoder = ppo_ram.network.encoder = dqn_ram.encoder = EncoderKind::mlp;
+    // No draw for an epsilon of 0, so that the next evaluation's draws are the same.
+    SacConfig sac_without_epsilon = sac_ram;
+    SacdConfig sacd_standard;
+    PpoConfig ppo_without_epsilon = ppo_ram;
+    sacd_standard.network.encoder = EncoderKind::mlp;
+    sac_without_epsilon.exploration = ppo_without_epsilon.exploration = Exploration::epsilon_greedy;
+    sac_without_epsilon.epsilon.epsilon_eval = ppo_without_epsilon.epsilon.epsilon_eval = 0;
+    sacd_standard.exploration = Exploration::standard;
+    sac_without_epsilon.sampled_evaluation = sacd_standard.sampled_evaluation = true;
     const auto joystick = ActionSet::continuous;
-    return {make_case("sac", "sac", sac, joystick, make_sac),
-            make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
-            make_case("sac_sampled", "sac", sac_sampled, joystick, make_sac),
-            make_case("sacd", "sacd", sacd, ActionSet::full, make_sacd),
-            make_case("sacd_sampled", "sacd", sacd_sampled, ActionSet::full, make_sacd),
-            make_case("ppo", "ppo", ppo, joystick, make_ppo),
-            make_case("ppo_shared", "ppo", ppo_shared, joystick, make_ppo),
-            make_case("ppo_discrete", "ppo", ppo, ActionSet::minimal, make_ppo),
-            make_case("dqn", "dqn", dqn, ActionSet::minimal, make_dqn),
-            make_case("nature", "dqn", nature, ActionSet::minimal, make_dqn),
-            make_case("der", "der", der, ActionSet::minimal, make_der),
-            make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der),
-            make_case("sac_ram", "sac", sac_ram, joystick, make_sac, Obs::ram),
-            make_case("ppo_ram", "ppo", ppo_ram, joystick, make_ppo, Obs::ram),
-            make_case("dqn_ram", "dqn", dqn_ram, ActionSet::minimal, make_dqn, Obs::ram),
-            make_case("sac_cartesian", "sac", sac_ram, joystick, make_sac, Obs::ram, Joystick::cartesian),
-            make_case("ppo_direction", "ppo", ppo_ram, joystick, make_ppo, Obs::ram, Joystick::direction),
-            make_case("sacd_factored", "sacd", sacd, joystick, make_sacd, Obs::pixels, Joystick::factored),
-            make_case("der_factored", "der", der, joystick, make_der, Obs::pixels, Joystick::factored),
-            make_case("der_noisy", "der", der_noisy, ActionSet::minimal, make_der),
-            make_case("der_noisy_factored", "der", der_noisy_factored, joystick, make_der, Obs::ram,
-                      Joystick::factored)};
+    return {
+        make_case("sac", "sac", sac, joystick, make_sac),
+        make_case("sac_impala", "sac", sac_impala, joystick, make_sac),
+        make_case("sac_sampled", "sac", sac_sampled, joystick, make_sac),
+        make_case("sacd", "sacd", sacd, ActionSet::full, make_sacd),
+        make_case("sacd_sampled", "sacd", sacd_sampled, ActionSet::full, make_sacd),
+        make_case("ppo", "ppo", ppo, joystick, make_ppo),
+        make_case("ppo_shared", "ppo", ppo_shared, joystick, make_ppo),
+        make_case("ppo_discrete", "ppo", ppo, ActionSet::minimal, make_ppo),
+        make_case("dqn", "dqn", dqn, ActionSet::minimal, make_dqn),
+        make_case("nature", "dqn", nature, ActionSet::minimal, make_dqn),
+        make_case("der", "der", der, ActionSet::minimal, make_der),
+        make_case("der_parts", "der", rainbow_parts, ActionSet::minimal, make_der),
+        make_case("sac_ram", "sac", sac_ram, joystick, make_sac, Obs::ram),
+        make_case("ppo_ram", "ppo", ppo_ram, joystick, make_ppo, Obs::ram),
+        make_case("dqn_ram", "dqn", dqn_ram, ActionSet::minimal, make_dqn, Obs::ram),
+        make_case("sac_without_epsilon_sampled", "sac", sac_without_epsilon, joystick, make_sac, Obs::ram),
+        make_case("sacd_standard_sampled", "sacd", sacd_standard, ActionSet::full, make_sacd, Obs::ram),
+        make_case("ppo_without_epsilon", "ppo", ppo_without_epsilon, joystick, make_ppo, Obs::ram),
+        make_case("sac_cartesian", "sac", sac_ram, joystick, make_sac, Obs::ram, Joystick::cartesian),
+        make_case("ppo_direction", "ppo", ppo_ram, joystick, make_ppo, Obs::ram, Joystick::direction),
+        make_case("sacd_factored", "sacd", sacd, joystick, make_sacd, Obs::pixels, Joystick::factored),
+        make_case("der_factored", "der", der, joystick, make_der, Obs::pixels, Joystick::factored),
+        make_case("der_noisy", "der", der_noisy, ActionSet::minimal, make_der),
+        make_case("der_noisy_factored", "der", der_noisy_factored, joystick, make_der, Obs::ram,
+                  Joystick::factored)};
 }
 
 /// What is seen of a game of Breakout that chance plays: [count, stack, ...].

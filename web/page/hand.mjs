@@ -84,8 +84,8 @@ export class Hand {
         };
         const pushed = (this.#pad.moved && !before.moved) || (this.#pad.fire && !before.fire);
         // A stick that is still held has the joystick again once keys and pointer have let go.
-        const goesOn = this.taken && this.#pad.moved && this.#keys.size === 0 && !this.#pointer;
-        if (pushed || goesOn) this.take('pad');
+        const continues = this.taken && this.#pad.moved && this.#keys.size === 0 && !this.#pointer;
+        if (pushed || continues) this.take('pad');
         if (this.#pad.start && !before.start) this.giveBack();
     }
 

@@ -172,7 +172,7 @@ function repaint(now) {
         if (!player.advance(now)) return;
     } catch (error) {
         pause(true);
-        return say(`The game cannot go on: ${error.message}.`);
+        return say(`The game cannot continue: ${error.message}.`);
     }
     showFrame();
     if (player.moment.steps === before) showDial();

@@ -1,6 +1,6 @@
 // Plays a session frame by frame at the console's pace, 60 a second, times the speed.
 const framesPerSecond = 60;
-const patience = 12;  // milliseconds of one repaint's time that emulation may take
+const longestRepaint = 12;  // milliseconds of one repaint's time that emulation may take
 
 export class Player {
     speed = 1;
@@ -52,7 +52,7 @@ export class Player {
             } else {
                 this.#decide();
             }
-            if (performance.now() - begun > patience) this.#due = Math.min(this.#due, 0);  // too slow: not made up for
+            if (performance.now() - begun > longestRepaint) this.#due = Math.min(this.#due, 0);  // too slow: not made up for
         }
         return this.played !== played;
     }
