@@ -19,8 +19,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
+/// Whether the folder has a page, and a report wrote it: its title says so.
 bool has_report(const fs::path& folder) {
-    return fs::exists(folder / "report.html");
+    std::string head(512, '\0');
+    std::ifstream page(folder / "report.html", std::ios::binary);
+    page.read(head.data(), static_cast<std::streamsize>(head.size()));
+    return head.find("<title>CALE: ") != head.npos;
 }
 
 /// Whether it is Markdown that no report wrote, whose tables begin with '|': notes may be called like one.
@@ -45,7 +49,9 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& names
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
     const bool reported = has_report(folder);
     for (const auto& name : names)
-        if (auto file = folder / name; fs::exists(file) && (!reported || is_notes(file))) return file;
+        if (auto file = folder / name;
+            fs::exists(file) && (!reported || is_notes(file) || fs::is_directory(file)))
+            return file;
     return {};
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <span>
+#include <string_view>
 #include <system_error>
 
 #include <fmt/format.h>
@@ -138,6 +140,12 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
             return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
         });
     }
+    // CLI11 would take the next argument for the value.
+    for (const std::string_view argument : std::span(argv, static_cast<std::size_t>(argc))) {
+        if (argument.starts_with("--") && argument.find('=') + 1 == argument.size())
+            throw ConfigError(
+                fmt::format("{}: needs a value that is not empty", argument.substr(0, argument.size() - 1)));
+    }
     try {
         app.parse(argc, argv);
     } catch (const CLI::ArgumentMismatch& error) {
@@ -150,6 +158,10 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     }
     line.progress = !no_progress;
 
+    if (app.get_option("--config")->count() > 1)
+        throw ConfigError(
+            "--config is given more than once: a file that has 'extends: [FIRST.yaml, SECOND.yaml]' reads "
+            "both");
     const auto set = line.overrides;  // by --set
     for (const auto& argument : app.remaining()) {
         if (argument == "--or") {

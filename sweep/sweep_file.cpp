@@ -288,6 +288,10 @@ void override_key(Contents& contents, const std::string& text) {
         throw ConfigError(fmt::format("'{}': expected KEY=VALUE, such as env.game=pong,breakout", text));
     if (!is_key(key)) throw ConfigError(no_key(key));
     Axis axis{key, split(text.substr(equals + 1), ',')};
+    // An empty text is a value of some settings.
+    const bool may_be_empty = axis.values.size() == 1 && is_setting(key) && key != "train.seed";
+    if (!may_be_empty && std::ranges::find(axis.values, "") != axis.values.end())
+        throw ConfigError(fmt::format("{}: a value is missing", text));
     try {
         if (contents.search && override_searched(*contents.search, key, text.substr(equals + 1))) return;
         axis.values = expand(key, axis.values);

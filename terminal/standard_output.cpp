@@ -1,6 +1,7 @@
 #include "terminal/standard_output.h"
 
 #include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <iostream>
@@ -16,6 +17,7 @@ void open_standard_streams() {
     int descriptor = 0;
     while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = ::open("/dev/null", O_RDONLY);
     if (descriptor > STDERR_FILENO) ::close(descriptor);
+    std::signal(SIGXFSZ, SIG_IGN);
 }
 
 void flush_standard_output() {

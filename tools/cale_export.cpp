@@ -40,6 +40,15 @@ std::string description(const PolicyInfo& info) {
 void export_file(const Options& options) {
     check_output_file("--output", options.output);
     const fs::path output = options.output;
+    std::error_code ignored;
+    if (fs::equivalent(options.from, output, ignored))
+        throw ConfigError(fmt::format("--output {} is the file that is read; give another", options.output));
+    const auto ending = output.extension();
+    if (fs::exists(output, ignored) && ending != ".onnx" && ending != ".safetensors")
+        throw ConfigError(
+            fmt::format("--output {} is there, and its name is not one of a policy file (.safetensors) or an "
+                        "ONNX file (.onnx); give another",
+                        options.output));
     const bool onnx = options.format.empty() ? output.extension() == ".onnx" : options.format == "onnx";
     const auto write = onnx ? export_onnx : export_policy;
     const auto info = write(options.from, output);

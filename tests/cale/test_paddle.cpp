@@ -88,7 +88,7 @@ TEST(PaddleCoordinates, AreThoseOfAnAbsolutePaddleAlone) {
         return message_of<std::invalid_argument>([&] { cale::action_space(config); });
     };
     EXPECT_THAT(refusal("ms_pacman", [](EnvConfig&) {}),
-                HasSubstr("env.paddle=absolute: MsPacman has no paddle; the games with one are backgammon"));
+                HasSubstr("env.paddle=absolute: MsPacman has no paddle; the games with one are breakout"));
     EXPECT_THAT(
         refusal("pong",
                 [](EnvConfig& c) { c.paddle = cale::Paddle::joystick, c.joystick = Joystick::paddle; }),

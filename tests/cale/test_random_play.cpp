@@ -130,8 +130,8 @@ TEST(RandomPlay, UnknownGamesAndProtocolsAreNamed) {
         return message_of<std::invalid_argument>([&] { cale::joystick_random(game, protocol); });
     };
     EXPECT_THAT(refusal("pnog", "200m"), HasSubstr("no game 'pnog'"));
-    EXPECT_THAT(refusal("pong", "100k"),
-                HasSubstr("protocol '100k' with a joystick 'polar': the protocols are 200m and atari100k"));
+    EXPECT_THAT(refusal("pong", "100k"), HasSubstr("protocol '100k' with a joystick 'polar': the games are "
+                                                   "the sixty, the protocols 200m and atari100k"));
 }
 
 TEST(EmulatorRandomPlay, ThePaddlesStrengthMattersInPongAndBreakoutAlone) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <stdexcept>
 
 #include "report/csv.h"
@@ -178,6 +179,16 @@ TEST_F(Html, AReportIsAFolderOfFiles) {
     const std::filesystem::path notes = folders_.write("out/report/settings.md", "# What I think of it");
     EXPECT_THROW(write_report(data, origin_, folder), std::runtime_error);
     EXPECT_EQ(read(notes), "# What I think of it");
+}
+
+TEST_F(Html, APageThatNoReportWroteAndWhatIsBesideItStay) {
+    const auto folder = folders_.path() / "notes";
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "report.html") << "<html>another program's</html>";
+    std::ofstream(folder / "settings.svg") << "mine";
+    EXPECT_THROW(write_report(comparison(), origin_, folder), std::runtime_error);
+    EXPECT_EQ(read(folder / "report.html"), "<html>another program's</html>");
+    EXPECT_EQ(read(folder / "settings.svg"), "mine");
 }
 
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {

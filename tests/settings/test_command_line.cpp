@@ -170,6 +170,9 @@ TEST_F(CommandLineTest, MistakesAreOneSentence) {
     EXPECT_EQ(error({"--no-progress=3"}), "--no-progress takes no value (see train_x --help)");
     EXPECT_EQ(error({"--resume=yes", "--run-dir", "x"}), "--resume takes no value (see train_x --help)");
     EXPECT_EQ(error({"--run-dir", ""}), "--run-dir: needs a value that is not empty (see train_x --help)");
+    EXPECT_EQ(error({"--run-dir=", "train.seed=2"}),
+              "--run-dir: needs a value that is not empty (see train_x --help)");
+    EXPECT_THAT(error({"--config", "a.yaml", "--config", "b.yaml"}), HasSubstr("more than once"));
     EXPECT_EQ(error({"--sede", "3"}), "unknown option '--sede'; did you mean '--seed'? (see train_x --help)");
     EXPECT_EQ(error({"--trehsold=3"}), "unknown option '--trehsold' (see train_x --help)");
     EXPECT_EQ(error({"-x"}), "unknown option '-x' (see train_x --help)");

@@ -168,6 +168,11 @@ TEST_F(SweepFile, TheCommandLineHoldsForVariantsWithoutTheKey) {
                             "Pong__dqn__gamma=0.5__1 0.5", "Pong__dqn__gamma=0.6__1 0.6"));
 }
 
+TEST_F(SweepFile, AMissingValueOfTheCommandLineIsNamed) {
+    for (const auto* text : {"train.seed=1,", "train.seed=", "agent=", "agent.gamma=0.9,,0.99"})
+        EXPECT_EQ(mistake(small_, {text}), std::string(text) + ": a value is missing");
+}
+
 TEST_F(SweepFile, ConfigurationsBehindLinksAreFound) {
     namespace fs = std::filesystem;
     fs::create_directories(folder_ / "deep/sweeps");
