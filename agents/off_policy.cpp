@@ -59,15 +59,14 @@ void AgentReplay::record(const StepBatch& batch) {
     const bool continuous = action_size > 0;
     const auto actions =
         batch.actions.to(torch::kCPU, continuous ? torch::kFloat32 : torch::kInt64).contiguous();
-    const auto require = [&](const std::string& what, std::size_t given, std::size_t each) {
-        if (given != count * each)
-            throw std::invalid_argument("the replay expects " + std::to_string(count * each) + ' ' + what +
-                                        ", not " + std::to_string(given));
+    const auto require = [&](const std::string& what, std::int64_t given, std::int64_t each) {
+        if (given != spec_.num_envs * each)
+            throw std::invalid_argument("the replay expects the " + what + " of " + std::to_string(count) +
+                                        " environments, not " + std::to_string(given));
     };
-    require("results", batch.results.size(), 1);
-    require("bytes of frames", batch.frames.size(), frame_size);
-    require("numbers of actions", static_cast<std::size_t>(actions.numel()),
-            static_cast<std::size_t>(std::max<std::int64_t>(action_size, 1)));
+    require("results", std::ssize(batch.results), 1);
+    require("bytes of frames", std::ssize(batch.frames), spec_.observation.frame_size());
+    require("numbers of actions", actions.numel(), std::max<std::int64_t>(action_size, 1));
     require_finite_rewards(batch.results);
     const auto limit = static_cast<float>(settings_.reward_clip.value_or(INFINITY));
     for (std::size_t env = 0; env < count; ++env) {

@@ -403,7 +403,7 @@ TEST_P(EveryAgent, RefusesRewardsThatAreNoNumbersAndOtherCounts) {
                 ThrowsMessage<std::invalid_argument>(HasSubstr("actions")));
     step.results.resize(3);
     EXPECT_THAT([&] { agent->observe(step.experiences(actions)); },
-                ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("expects"), HasSubstr("3"))));
+                ThrowsMessage<std::invalid_argument>(AllOf(HasSubstr("2 environments"), HasSubstr("3"))));
 }
 
 TEST_P(EveryAgent, RefusesATruncationWithoutItsFinalFrames) {
