@@ -45,9 +45,8 @@ void remove_others(const fs::path& folder, const std::vector<std::string>& names
     }
 }
 
-/// Returns a file of these names that no earlier report wrote, or empty.
-fs::path other_file(const fs::path& folder, const std::vector<std::string>& names) {
-    const bool reported = has_report(folder);
+/// Returns a file of these names that no earlier report wrote, or empty. `reported`: whether there was one.
+fs::path other_file(const fs::path& folder, const std::vector<std::string>& names, bool reported) {
     for (const auto& name : names)
         if (auto file = folder / name;
             fs::exists(file) && (!reported || is_notes(file) || fs::is_directory(file)))
@@ -90,12 +89,12 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
         for (const auto* extension : {".svg", ".png"})
             write_picture(figure.picture, next(figure.name + extension));
 
-    if (const auto other = other_file(folder, names); !other.empty()) {
+    const bool reported = has_report(folder);
+    if (const auto other = other_file(folder, names, reported); !other.empty()) {
         throw std::runtime_error(fmt::format(
             "{} is there and would be replaced, and no report has written it; write to another folder",
             other.string()));
     }
-    const bool reported = has_report(folder);
     std::vector<fs::path> files;
     for (const auto& name : names) {
         files.push_back(folder / name);
