@@ -26,9 +26,8 @@ struct PolicyInfo {
     std::vector<Event> actions;
     /// Of the continuous joystick: the coordinates that the network chooses.
     Joystick joystick = Joystick::polar;
-    /// How a continuous action becomes a joystick event (joystick_event).
-    double threshold = 0.5;
-    EventMap event_map = EventMap::symmetric;
+    double threshold = 0.5;                    // env.threshold
+    EventMap event_map = EventMap::symmetric;  // from action to joystick event: env.event_map
     /// Whether r scales how far a paddle moves (env.paddle_strength: radius).
     bool radius_is_strength = false;
 
