@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "report/csv.h"
 #include "storage/checksum.h"
 #include "storage/files.h"
 
@@ -134,19 +135,18 @@ std::string evaluation_name(std::int64_t agent_steps) {
 
 std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::int64_t agent_steps) {
     const auto name = evaluation_name(agent_steps);
-    const auto file = folder / (name + ".json");
-    if (!fs::exists(file) || !fs::exists(folder / (name + ".csv"))) return std::nullopt;
     try {
-        const auto json = nlohmann::json::parse(read_file(file));
+        const auto json = nlohmann::json::parse(read_file(folder / (name + ".json")));
         EvaluationResult result{.agent_steps = agent_steps,
                                 .games = json.at("games"),
                                 .mean = json.at("mean"),
                                 .standard_deviation = json.at("standard_deviation"),
                                 .median = json.at("median")};
         if (json.at("human_normalised").is_number()) result.human_normalised = json.at("human_normalised");
-        return result;
-    } catch (const nlohmann::json::exception&) {
-        return std::nullopt;  // damaged: it is played again
+        const auto played = read_whole_csv(folder / (name + ".csv"));
+        return std::ssize(played.rows) == result.games ? std::optional(result) : std::nullopt;
+    } catch (const std::exception&) {
+        return std::nullopt;  // missing or damaged: it is played again
     }
 }
 

@@ -59,7 +59,7 @@ struct EvaluationResult {
 };
 
 /// Returns the finished evaluation of the checkpoint of that agent step in evaluations_folder(); none if
-/// there is no readable one.
+/// there is no readable one with a row for each of its games.
 std::optional<EvaluationResult> evaluation_result(const std::filesystem::path& folder,
                                                   std::int64_t agent_steps);
 

@@ -4,7 +4,9 @@
 #include <fstream>
 #include <limits>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <string_view>
 
 namespace cale {
 namespace {
@@ -30,6 +32,19 @@ std::optional<std::int64_t> number_in(const fs::path& file) {
     return {};
 }
 
+// What is left of the address space that the process may have (`ulimit -v`); none if it has no limit.
+std::optional<std::int64_t> left_of_address_space(const fs::path& process) {
+    constexpr std::string_view kLimit = "Max address space";
+    std::ifstream limits(process / "limits");
+    for (std::string line; std::getline(limits, line);) {
+        std::int64_t most = 0;
+        if (!line.starts_with(kLimit) || !(std::istringstream(line.substr(kLimit.size())) >> most)) continue;
+        const auto kibibytes = number_of(process / "status", "VmSize:");
+        if (kibibytes) return std::max<std::int64_t>(most - *kibibytes * 1024, 0);
+    }
+    return {};
+}
+
 // What is left below the limit of this group. Its page cache is given up on demand, so it is left, too.
 std::optional<std::int64_t> left_in_group(const fs::path& group, const char* limit, const char* usage) {
     const auto most = number_in(group / limit);
@@ -48,6 +63,7 @@ std::int64_t available_memory(const fs::path& root) {
         if (bytes) least = std::min(least, *bytes);
     };
     if (const auto kibibytes = number_of(root / "proc/meminfo", "MemAvailable:")) consider(*kibibytes * 1024);
+    consider(left_of_address_space(root / "proc/self"));
 
     // Lines are "0::/path" (version 2) or "4:memory:/path" (version 1). In a container the
     // path may be the host's; the group is then at the top. Every group above limits, too.

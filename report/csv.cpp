@@ -137,12 +137,4 @@ std::string csv_line(const std::vector<std::string>& cells) {
     return line + '\n';
 }
 
-void write_text(const std::filesystem::path& path, std::string_view text) {
-    std::ofstream file(path, std::ios::binary);
-    file << text;
-    file.close();
-    if (!file)
-        throw std::runtime_error(fmt::format("cannot write {}: {}", path.string(), std::strerror(errno)));
-}
-
 }  // namespace cale

@@ -45,7 +45,4 @@ CsvTable read_csv_by_hand(const std::filesystem::path& path);
 /// A line of a table: cells with a comma, a quote or a line break are quoted.
 std::string csv_line(const std::vector<std::string>& cells);
 
-/// Throws std::runtime_error that names the file and the reason (disk full, ...).
-void write_text(const std::filesystem::path& path, std::string_view text);
-
 }  // namespace cale

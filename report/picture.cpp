@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "report/csv.h"
+#include "storage/files.h"
 
 namespace cale {
 namespace {
@@ -253,7 +253,7 @@ void write_picture(const Picture& picture, const std::filesystem::path& path) {
         throw std::invalid_argument(
             fmt::format("cannot draw {}: its name must end in .svg or .png", path.string()));
     }
-    write_text(path, bytes);
+    write_file_atomically(path, bytes);
 }
 
 }  // namespace cale

@@ -100,7 +100,8 @@ std::string to_hex(Colour colour);
 std::string to_svg(const Picture& picture, bool with_data = false);
 
 /// By the extension of `path`: .svg, or .png at twice the size.
-/// Throws std::invalid_argument for any other, std::runtime_error if the file cannot be written.
+/// Throws std::invalid_argument for any other, std::runtime_error if the file cannot be written: it is then
+/// as it was.
 void write_picture(const Picture& picture, const std::filesystem::path& path);
 
 }  // namespace cale

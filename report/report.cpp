@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include "report/csv.h"
 #include "report/figures.h"
 #include "report/tables.h"
+#include "storage/files.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -82,9 +82,9 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
     const PartialFolder partial(folder / fmt::format(".partial-{}", ::getpid()));
     std::vector<std::string> names;
     const auto next = [&](const std::string& name) { return partial.path() / names.emplace_back(name); };
-    write_text(next("report.html"), to_html(comparison, pictures, origin, with_script));
+    write_file_atomically(next("report.html"), to_html(comparison, pictures, origin, with_script));
     for (const auto& tables : {csv_files(comparison), table_files(comparison)})
-        for (const auto& table : tables) write_text(next(table.name), table.text);
+        for (const auto& table : tables) write_file_atomically(next(table.name), table.text);
     for (const auto& figure : pictures)
         for (const auto* extension : {".svg", ".png"})
             write_picture(figure.picture, next(figure.name + extension));

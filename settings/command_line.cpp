@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
-#include <span>
 #include <string_view>
 #include <system_error>
 
@@ -140,12 +139,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
             return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
         });
     }
-    // CLI11 would take the next argument for the value.
-    for (const std::string_view argument : std::span(argv, static_cast<std::size_t>(argc))) {
-        if (argument.starts_with("--") && argument.find('=') + 1 == argument.size())
-            throw ConfigError(
-                fmt::format("{}: needs a value that is not empty", argument.substr(0, argument.size() - 1)));
-    }
+    refuse_empty_values(std::vector<std::string>(argv, argv + argc));
     try {
         app.parse(argc, argv);
     } catch (const CLI::ArgumentMismatch& error) {
@@ -256,6 +250,13 @@ void print_configs(std::string_view program, Arguments& arguments, ConfigTable& 
 }
 
 }  // namespace
+
+void refuse_empty_values(std::span<const std::string> words) {
+    for (const auto& word : words) {
+        if (word.starts_with("--") && word.find('=') + 1 == word.size())
+            throw ConfigError(word.substr(0, word.size() - 1) + ": needs a value that is not empty");
+    }
+}
 
 c10::Device find_device(const std::string& requested, std::uint64_t gpus,
                         std::optional<std::uint64_t> own_index) {

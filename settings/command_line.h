@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <iosfwd>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -53,6 +54,9 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 /// The same, writing to the standard output.
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv);
+
+/// Throws ConfigError where a word is "--option=" without a value: CLI11 would take the next word for it.
+void refuse_empty_values(std::span<const std::string> words);
 
 /// Returns the device that --device requests: auto (cuda if available), cpu, cuda or cuda:<index>, on a
 /// machine with `gpus` GPUs (torch::cuda::device_count()). `own_index` is the index that plain cuda stands

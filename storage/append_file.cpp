@@ -15,7 +15,14 @@ namespace cale {
 AppendFile::AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep)
     : path_(std::move(path)) {
     const int mode = keep ? 0 : O_CREAT | O_TRUNC;
-    descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | mode, 0666);
+    // A pipe that nobody reads is an error, and nothing to wait for.
+    descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NONBLOCK | mode, 0666);
+    if (descriptor_ < 0 && keep && errno == ENOENT) {
+        throw std::runtime_error(
+            fmt::format("{} is missing, which had {} bytes when the checkpoint was written: restore it, or "
+                        "start a new run",
+                        path_.string(), *keep));
+    }
     if (descriptor_ < 0) fail("open");
     if (!keep) return;
     try {

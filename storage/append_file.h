@@ -14,7 +14,7 @@ namespace cale {
 class AppendFile {
   public:
     /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
-    /// Throws if it has fewer.
+    /// Throws if it has fewer, or is missing.
     explicit AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep = std::nullopt);
     ~AppendFile();
     AppendFile(AppendFile&& other) noexcept;

@@ -33,11 +33,7 @@ std::vector<std::string> words_of(int argc, char** argv) {
 
 void run(CLI::App& app, std::vector<std::string> words) {
     cale::check_first_word(app, words.front());
-    // CLI11 would take the next word for the value.
-    for (const auto& word : words) {
-        if (word.starts_with("--") && word.find('=') + 1 == word.size())
-            throw cale::ConfigError(word.substr(0, word.size() - 1) + " needs a value that is not empty");
-    }
+    cale::refuse_empty_values(words);
     std::ranges::reverse(words);  // as CLI11 wants them
     try {
         app.parse(std::move(words));

@@ -7,6 +7,7 @@
 
 #include <ATen/Context.h>
 
+#include "settings/config.h"
 #include "sweep/sweep.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
@@ -25,6 +26,8 @@ struct Arguments {
 
 SweepOptions options_of(const Arguments& arguments) {
     auto options = arguments.options;
+    if (!options.sbatch_options.empty() && arguments.launcher != "slurm")
+        throw ConfigError("--sbatch-option is for --launcher slurm");
     options.cale = std::filesystem::read_symlink("/proc/self/exe");
     options.launcher = arguments.launcher == "slurm" ? Launcher::slurm : Launcher::local;
     options.search = arguments.search == "random"    ? SearchMethod::random
@@ -103,8 +106,10 @@ void add_sweep(CLI::App& app, int& exit_code) {
         ->transform(one_of({"random", "halving"}))
         ->default_str("")
         ->type_name("METHOD");
-    command.add_flag("--dry-run", arguments->dry_run, "print the commands, or Slurm's script, and leave");
-    command.add_flag("--status", arguments->status, "print how every run stands, and leave");
+    auto* dry_run =
+        command.add_flag("--dry-run", arguments->dry_run, "print the commands, or Slurm's script, and leave");
+    command.add_flag("--status", arguments->status, "print how every run stands, and leave")
+        ->excludes(dry_run);
     add_sharing(command, *arguments);
     command
         .add_option("--retries", options.retries,

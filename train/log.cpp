@@ -33,9 +33,15 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
 /// progress.csv as it was when it had `rows` rows: without later ones, and without the columns that came with
 /// them, which are the last ones and empty.
 std::string first_rows(const std::filesystem::path& path, std::int64_t rows) {
+    if (rows == 0) return "";
+    if (!std::filesystem::exists(path)) {
+        throw std::runtime_error(
+            fmt::format("{} is missing, which had {} when the checkpoint was written: restore it, or start a "
+                        "new run",
+                        path.string(), counted(rows, "row")));
+    }
     const std::string text = read_file(path);
     auto lines = whole_lines(text);
-    if (rows == 0) return "";
     if (std::ssize(lines) < rows + 1 || !lines.front().starts_with(kProgressColumns)) {
         throw std::runtime_error(
             fmt::format("{} does not have the {} rows that it had when the checkpoint was written: it was "

@@ -210,15 +210,27 @@ void check_length(const TrainingProgram& program, const fs::path& run_dir) {
     }
 }
 
+/// Refuses a run whose config.yaml was cut short: it would continue with the defaults of what is gone. Its
+/// newest checkpoint has a whole copy.
+void require_whole_config(const fs::path& file, const fs::path& copy) {
+    const auto missing = missing_settings(file, copy);
+    if (missing.empty()) return;
+    throw ResumeError(fmt::format(
+        "--resume: {} was cut short, it lacks {}{}; copy {} there", file.string(), missing.front(),
+        missing.size() > 1 ? fmt::format(" and {} others", missing.size() - 1) : "", copy.string()));
+}
+
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
 /// and do not make other games of those under way.
-std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir, bool accept) {
+std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir,
+                             const CommandLine& line) {
     const auto newest = require_checkpoints(run_dir).back();
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
         throw ResumeError(fmt::format("--resume: {} is missing; copy {} there", file.string(),
                                       (newest / "config.yaml").string()));
     }
+    if (line.config_file == file) require_whole_config(file, newest / "config.yaml");
     std::string different, of_the_games;
     for (const auto& [key, now, before] : changes_since(program, run_dir)) {
         const auto change = change_of_run(key, before, now, program.schedule_over_run());
@@ -226,7 +238,7 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
         different += (different.empty() ? "" : ", ") + change;
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
     }
-    if (!different.empty() && !accept) {
+    if (!different.empty() && !line.accept_changes) {
         throw ResumeError(fmt::format(
             "--resume {}: another configuration: {}; resume with the run's own (leave --config and --set "
             "out, and its config.yaml as it was), say --accept-changes, or start a new run",
@@ -476,8 +488,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 
     const ProcessGroup processes = join_processes(process, program, device);
     fs::path run_dir = choose_run_dir(line, program, world);
-    const std::string changes =
-        line.resume ? accepted_changes(program, run_dir, line.accept_changes) : std::string();
+    const std::string changes = line.resume ? accepted_changes(program, run_dir, line) : std::string();
     std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
     if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;

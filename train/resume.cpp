@@ -1,6 +1,8 @@
 #include "train/resume.h"
 
 #include <algorithm>
+#include <iterator>
+#include <set>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -9,6 +11,8 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
+#include "settings/yaml.h"
+#include "storage/files.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -22,6 +26,21 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
     if (name.size() < ending.size()) return std::nullopt;
     name.remove_suffix(ending.size());
     return number_in<std::int64_t>(name);
+}
+
+/// The keys of a configuration. None if it is damaged, or extends others.
+std::optional<std::set<std::string>> keys_in(const fs::path& file) {
+    std::set<std::string> keys;
+    try {
+        for (const auto& section : parse_yaml(read_file(file))) {
+            if (section.first.as<std::string>() == "extends") return std::nullopt;
+            for (const auto& setting : section.second)
+                keys.insert(section.first.as<std::string>() + "." + setting.first.as<std::string>());
+        }
+    } catch (const std::exception&) {
+        return std::nullopt;
+    }
+    return keys;
 }
 
 /// Whether both spell the same games. Worlds that are no Atari games have others.
@@ -46,6 +65,13 @@ std::string change_of_run(std::string_view key, std::string_view before, std::st
     if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
     return fmt::format("{} was {} and is now {}{}", key, before, now,
                        scheduled ? fmt::format(", which changes the schedule of {}", schedule_over_run) : "");
+}
+
+std::vector<std::string> missing_settings(const fs::path& file, const fs::path& whole) {
+    const auto here = keys_in(file), all = keys_in(whole);
+    std::vector<std::string> missing;
+    if (here && all) std::ranges::set_difference(*all, *here, std::back_inserter(missing));
+    return missing;
 }
 
 std::optional<std::int64_t> newest_step(const fs::path& folder, std::string_view ending) {

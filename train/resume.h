@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace cale {
 
@@ -34,6 +35,11 @@ std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder)
 /// there is none.
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run);
+
+/// Returns the keys that the configuration `whole` has and `file` lacks. None where one of them is no
+/// configuration, or extends others.
+std::vector<std::string> missing_settings(const std::filesystem::path& file,
+                                          const std::filesystem::path& whole);
 
 /// Returns the largest step among the names step_000250000`ending` in the folder; none if there is no such
 /// name, or no folder.

@@ -85,6 +85,12 @@ TEST(RunEvaluations, ThoseThatCannotBeReadAreNotThere) {
     folder.write(
         "step_000000700.json",
         R"({"games": 1, "mean": 2.5, "standard_deviation": 1, "median": 2, "human_normalised": null})");
+    for (const auto* damaged : {"episode,return,length,frames\n", "episode,return,length,frames\n0,2",
+                                "episode,return,length,frames\n0,2\n", ""}) {
+        folder.write("step_000000700.csv", damaged);
+        EXPECT_FALSE(evaluation_result(folder.path(), 700)) << damaged;
+    }
+    folder.write("step_000000700.csv", "episode,return,length,frames\n0,2,7,28\n");
     const auto result = evaluation_result(folder.path(), 700);
     ASSERT_TRUE(result);
     EXPECT_EQ(result->mean, 2.5);

@@ -363,6 +363,21 @@ TEST_F(AvailableMemory, IsWhatTheKernelSays) {
     EXPECT_GT(available_memory(), 0);
 }
 
+TEST_F(AvailableMemory, IsLimitedByTheAddressSpaceOfTheProcess) {
+    write("proc/meminfo", "MemAvailable: 5000 kB\n");
+    write("proc/self/status", "Name:\tcale\nVmPeak:\t 3000 kB\nVmSize:\t    2000 kB\n");
+    const std::string lines =
+        "Limit   Soft Limit  Hard Limit  Units\nMax data size  unlimited  unlimited  bytes\n";
+    write("proc/self/limits",
+          lines + "Max address space         unlimited            unlimited            bytes\n");
+    EXPECT_EQ(available_memory(root_), 5000 * 1024);
+    write("proc/self/limits",
+          lines + "Max address space         3072000            unlimited            bytes\n");
+    EXPECT_EQ(available_memory(root_), 1000 * 1024);
+    write("proc/self/limits", lines + "Max address space         1000            1000            bytes\n");
+    EXPECT_EQ(available_memory(root_), 0);
+}
+
 TEST_F(AvailableMemory, IsLimitedByAGroupOfVersion2OrOneAbove) {
     write("proc/meminfo", "MemAvailable: 5000 kB\n");
     write("proc/self/cgroup", "0::/job/step\n");

@@ -123,7 +123,7 @@ TEST_F(Log, RefusesToContinueAFileThatWasCutShort) {
     EXPECT_THAT(message, HasSubstr("episodes.csv has "));
     EXPECT_THAT(message, HasSubstr("but 10000 when the checkpoint was written"));
     EXPECT_THAT(error_of([&] { EpisodeLog(folder_ / "none.csv", kRun, 10); }),
-                HasSubstr("No such file or directory"));
+                HasSubstr("none.csv is missing, which had 10 bytes"));
 }
 
 TEST_F(Log, NamesTheFileAndTheReasonWhenItCannotWrite) {

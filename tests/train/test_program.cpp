@@ -466,13 +466,45 @@ TEST(ProgramEmulator, AConfigurationThatIsNoRunsIsNotOverwritten) {
 
 TEST(ProgramEmulator, ARunThatCannotBeResumedStaysFinished) {
     const TemporaryFolder folder;
-    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
-    folder.write("episodes.csv", "");
-    const auto refused = train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress"});
-    EXPECT_EQ(refused.code, 1);
-    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("episodes.csv"));
+    ASSERT_EQ(train_sac(small(folder.path(), {"log.every=4"})).code, 0);
+    const std::vector<std::string> resume = {"--resume", "--run-dir", folder.path().string(),
+                                             "--no-progress"};
+    for (const auto* name : {"progress.csv", "episodes.csv"}) {
+        const auto whole = folder.read(name);
+        folder.write(name, "");
+        const auto cut = train_sac(resume);
+        EXPECT_EQ(cut.code, 3);
+        EXPECT_THAT(cut.stderr_text,
+                    testing::EndsWith("was cut or replaced since; restore it, or start a new run\n"));
+        std::filesystem::remove(folder / name);
+        const auto refused = train_sac(resume);
+        EXPECT_EQ(refused.code, 3);
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr(std::string(name) + " is missing, which had "));
+        EXPECT_THAT(refused.stderr_text, testing::EndsWith(": restore it, or start a new run\n"));
+        folder.write(name, whole);
+    }
     EXPECT_EQ(metadata_of(folder.path())["finished"], true);
     EXPECT_EQ(metadata_of(folder.path())["stopped"], nullptr);
+}
+
+TEST(ProgramEmulator, AConfigurationThatWasCutShortIsNotContinuedWithDefaults) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto whole = folder.read("config.yaml");
+    const std::vector<std::string> resume = {"--resume", "--run-dir", folder.path().string(),
+                                             "--no-progress"};
+    const auto train = whole.find("\ntrain:\n");
+    ASSERT_NE(train, whole.npos);
+    for (const auto size : {train + 1, std::size_t{0}}) {
+        folder.write("config.yaml", whole.substr(0, size));
+        const auto refused = train_sac(resume);
+        EXPECT_EQ(refused.code, 3);
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("config.yaml was cut short, it lacks "));
+        EXPECT_THAT(refused.stderr_text, testing::EndsWith("/config.yaml there\n"));
+        EXPECT_EQ(folder.read("config.yaml"), whole.substr(0, size));
+    }
+    folder.write("config.yaml", whole);
+    EXPECT_EQ(train_sac(resume).code, 0);
 }
 
 TEST(ProgramEmulator, ACheckpointsFolderIsNoRunsAndStaysAsItIs) {
@@ -818,6 +850,8 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
             {"export x",
              "cale export: give --output FILE, the file to write, or --web DIR, the folder for a page"},
             {"export x -o y --web z", "cale export: --output excludes --web: give one of them"},
+            {"sweep x --status --dry-run", "cale sweep: --dry-run excludes --status: give one of them"},
+            {"sweep x --sbatch-option=--time=8:00:00", "cale sweep: --sbatch-option is for --launcher slurm"},
             {"export x -o /nowhere/x",
              "cale export: --output /nowhere/x: there is no folder '/nowhere'; make it, or give another"}}) {
         const auto said = cale_says(words);
