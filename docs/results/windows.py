@@ -13,6 +13,7 @@ import sys
 WINDOW = 10_000
 AGENTS = {
     "sac__config=ram100k_plus": "SAC plus",
+    "sac__joystick=cartesian": "SAC plus",
     "sac__config=ram100k_plus__critic_atoms=1": "SAC plus with critics of the mean",
     "sac__config=ram100k_plus__paddle=absolute": "SAC plus on an absolute paddle",
     "der__config=ram100k_joystick": "joystick Rainbow",

@@ -735,11 +735,12 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     EXPECT_EQ(resume().code, 0);
     auto edited = settings;
     edited.replace(edited.find("gamma: 0.99"), 11, "gamma: 0.5 ");
-    for (const auto& text : {edited, std::string()}) {
+    for (const auto& [text, sentence] : {std::pair(edited, "another configuration: agent.gamma was 0.99"),
+                                         {std::string(), "config.yaml was cut short, it lacks "}}) {
         write_file_atomically(config, text);
         const auto answer = resume();
         EXPECT_EQ(answer.code, 3);
-        EXPECT_THAT(answer.stderr_text, testing::HasSubstr("another configuration: "));
+        EXPECT_THAT(answer.stderr_text, testing::HasSubstr(sentence));
     }
     write_file_atomically(config, settings);
     ASSERT_EQ(resume({"--accept-changes", "agent.learning_rate=0.5"}).code, 0);
