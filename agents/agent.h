@@ -65,7 +65,7 @@ struct StepBatch {
     std::span<const std::uint8_t> final_frames;  // N, valid where an episode is over
 };
 
-/// What a policy file stores of an agent, so that it acts as in the agent's evaluations: docs/policy_file.md.
+/// What a policy file stores of an agent, to act as its evaluations do in float32: docs/policy_file.md.
 struct AgentPolicy {
     NetworkSpec network;   // the half that acts
     TensorMap weights;     // by the names of parameter_shapes(network), float32 on the CPU

@@ -158,6 +158,8 @@ requires requires {
 void check_settings(const Config& config, const AgentSpec& spec) {
     Config::kDiscrete ? require_discrete(Config::kName, spec) : require_continuous(Config::kName, spec);
     check_random_shift(config.replay, spec);
+    if constexpr (requires { config.random_actions; })
+        static_cast<void>(exploration_box(spec.action_space, config.random_actions));
 }
 
 /// Returns whether an agent with these settings samples by priority.
@@ -179,8 +181,7 @@ struct Acting {
 
 /// An agent that learns from a replay. `Algorithm` has
 ///     Algorithm(const Config&, const AgentSpec&)       networks, targets, optimisers
-///     Config config                                    with `replay`, `epsilon`, `learning_rate`, kName
-///                                                  and kDiscrete
+///     Config config                with replay, epsilon, learning_rate, kName and kDiscrete
 ///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
 ///                                                      graph (agents/captured_update.h)
 ///     Tensor act(const Tensor& observations, const Acting&)

@@ -101,7 +101,8 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             now.training() || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        return now.explores() ? epsilon_greedy(actions, now.epsilon, num_actions, now.random) : actions;
+        if (config.exploration == Exploration::standard || !now.explores()) return actions;
+        return epsilon_greedy(actions, now.epsilon, num_actions, now.random);
     }
 
     SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {

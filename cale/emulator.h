@@ -92,7 +92,7 @@ class Emulator {
 
     /// The events that make a difference in this game, and all that it accepts.
     std::span<const Event> minimal_actions() const;
-    std::span<const Event> legal_actions() const;  // all eighteen
+    std::span<const Event> legal_actions() const;  // all eighteen; nine in Skiing
     /// The modes that the game has for one player.
     std::vector<std::int64_t> modes() const;
     /// The positions of the difficulty switches that make a difference.

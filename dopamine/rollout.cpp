@@ -130,7 +130,7 @@ void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state)
     const auto acted_on = element_frames.select(1, 0).select(1, config.observation.stack - 1);
     if (count > config.length || surplus < 0 || surplus >= config.length || !known(element_frames) ||
         (acted_on == kBlankFrame).any().item<bool>() || !known(window_frames) ||
-        window_frames.size(0) > accumulator_.max_steps())
+        (window_frames == kBlankFrame).any().item<bool>() || window_frames.size(0) > accumulator_.max_steps())
         throw std::runtime_error("the parts of a stored rollout contradict each other");
 
     clear();

@@ -7,6 +7,7 @@
 #include <utility>
 #include <variant>
 
+#include "cale/games.h"
 #include "python/settings.h"
 
 namespace cale::python {
@@ -117,6 +118,8 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
       frames_(static_cast<std::size_t>(config.num_envs) * frame_size_),
       newest_(static_cast<std::size_t>(config.num_envs)),
       states_(static_cast<std::size_t>(config.num_envs)) {
+    for (const auto* game : games_of(config.game))
+        static_cast<void>(find_rom(std::string(game->rom), config.rom_dir));
     const Env first(config_of(config, 0), /*seed=*/0);
     events_.assign(first.actions().begin(), first.actions().end());
     if (!events_.empty()) actions_ = Discrete{std::ssize(events_)};

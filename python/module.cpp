@@ -409,7 +409,8 @@ void bind_environments(nb::module_& m) {
         .def(
             "restore",
             [](Envs& envs, std::int64_t index, const nb::bytes& saved) {
-                envs.run_idle([&](Batch& batch) { batch.restore(index, {saved.c_str(), saved.size()}); });
+                const std::string_view bytes(saved.c_str(), saved.size());  // while Python's lock is held
+                envs.run_idle([&](Batch& batch) { batch.restore(index, bytes); });
             },
             "index"_a, "saved"_a, "Continues as the environment that was saved.")
         .def(
@@ -613,9 +614,6 @@ void bind_policies(nb::module_& m) {
             require_playable(policy.policy.info(), read_config(texts));
         },
         "policy"_a, "settings"_a, "Refuses an environment that the policy cannot act in.");
-    m.def(
-        "instruction_set", [] { return std::string(lite::instruction_set()); },
-        "What policies are computed with on this machine.");
 }
 
 }  // namespace

@@ -219,12 +219,20 @@ void apply_version(const Arguments& arguments, ConfigTable& table) {
 /// Puts the file, the overrides and the shortcuts into the table, in the order of their precedence.
 void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     CommandLine& line = arguments.line;
-    if (line.resume && line.config_file.empty()) {
+    const bool of_the_run = line.resume && line.config_file.empty();
+    if (of_the_run) {
         check_trained_by(program, line.run_dir);
         const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
         if (std::filesystem::exists(saved)) line.config_file = saved.string();
     }
-    if (!line.config_file.empty()) load(table, line.config_file);
+    if (!line.config_file.empty()) {
+        try {
+            load(table, line.config_file);
+        } catch (const ConfigError& error) {
+            if (!of_the_run) throw;
+            throw ConfigError(fmt::format("{}; the run's checkpoints have copies of it", error.what()));
+        }
+    }
     apply_version(arguments, table);
     for (const auto& setting : line.overrides) table.set_override(setting);
     for (const auto& [option, value] : arguments.shortcuts) {

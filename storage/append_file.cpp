@@ -7,7 +7,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <stdexcept>
 #include <utility>
 
 namespace cale {
@@ -15,21 +14,23 @@ namespace cale {
 AppendFile::AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep)
     : path_(std::move(path)) {
     const int mode = keep ? 0 : O_CREAT | O_TRUNC;
-    // A pipe that nobody reads is an error, and nothing to wait for.
+    // Not to wait for the reader of a pipe.
     descriptor_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC | O_NONBLOCK | mode, 0666);
     if (descriptor_ < 0 && keep && errno == ENOENT) {
-        throw std::runtime_error(
+        throw CutFile(
             fmt::format("{} is missing, which had {} bytes when the checkpoint was written: restore it, or "
                         "start a new run",
                         path_.string(), *keep));
     }
     if (descriptor_ < 0) fail("open");
-    if (!keep) return;
     try {
         struct stat status {};
         if (::fstat(descriptor_, &status) != 0) fail("read the size of");
+        if (S_ISFIFO(status.st_mode))
+            throw std::runtime_error(fmt::format("{} is a pipe; remove it", path_.string()));
+        if (!keep) return;
         if (status.st_size < *keep) {
-            throw std::runtime_error(
+            throw CutFile(
                 fmt::format("{} has {} bytes, but {} when the checkpoint was written: it was cut or replaced "
                             "since; restore it, or start a new run",
                             path_.string(), status.st_size, *keep));

@@ -4,9 +4,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <stdexcept>
 #include <string_view>
 
 namespace cale {
+
+/// A file lacks what it held when a checkpoint was written. Programs leave with exit code 3.
+struct CutFile : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
 
 /// Every write reaches the operating system before it returns, so that a killed run loses nothing and `tail
 /// -f` shows the newest line. Errors (no such folder, no permission, disk full) throw std::runtime_error with
@@ -14,7 +20,7 @@ namespace cale {
 class AppendFile {
   public:
     /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
-    /// Throws if it has fewer, or is missing.
+    /// Throws CutFile if it has fewer, or is missing.
     explicit AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep = std::nullopt);
     ~AppendFile();
     AppendFile(AppendFile&& other) noexcept;

@@ -39,7 +39,7 @@ RunLock::RunLock(const std::filesystem::path& run_dir) {
     if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
         const auto who = holder(descriptor_);
         ::close(descriptor_);
-        throw std::runtime_error(fmt::format(
+        throw FolderTaken(fmt::format(
             "{} is training in {}: wait for it or stop it, or give this run another folder with --run-dir",
             who, run_dir.string()));
     }

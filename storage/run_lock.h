@@ -2,15 +2,21 @@
 #pragma once
 
 #include <filesystem>
+#include <stdexcept>
 
 namespace cale {
+
+/// Another process has locked the folder.
+struct FolderTaken : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
 
 /// Locks the run's folder against other processes while it exists: a system lock (flock) on its file `.lock`,
 /// released when the process ends for any reason. No effect on file systems without locks.
 class RunLock {
   public:
-    /// Throws std::runtime_error, naming the folder and the process that trains in it, or why the file cannot
-    /// be written.
+    /// Throws FolderTaken, naming the folder and the process that trains in it, or std::system_error, why the
+    /// file cannot be written.
     explicit RunLock(const std::filesystem::path& run_dir);
     ~RunLock();
     RunLock(const RunLock&) = delete;

@@ -198,8 +198,12 @@ EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& 
     const auto folder = evaluations_folder(run, protocol);
     const auto name = evaluation_name(steps);
     make_evaluations_folder(folder, protocol);
-    if (RunLock::is_taken(folder)) throw EvaluatedElsewhere();
-    const RunLock lock(folder);
+    std::optional<RunLock> lock;
+    try {
+        lock.emplace(folder);
+    } catch (const FolderTaken&) {
+        throw EvaluatedElsewhere();
+    }
     if (const auto result = evaluation_result(folder, steps)) return *result;
     const auto partial = folder / (name + ".partial");
     PlayedGames played(partial);
@@ -313,7 +317,7 @@ void add_game_options(CLI::App& command, Options& options) {
     command
         .add_flag("--sampled", options.sampled,
                   "actions drawn from the policy, or after noise is drawn for its weights; without either: "
-                  "as the agent's own evaluations (PPO and the joystick Rainbow draw)")
+                  "as the agent's own evaluations (PPO, the joystick Rainbow and SAC plus from pixels draw)")
         ->excludes(greedy);
     command
         .add_option(

@@ -16,7 +16,7 @@ struct Options {
 
 void run(const Options& options) {
     const auto log = read_stick_log(options.log);
-    if (!options.output.empty()) check_output_file("--output", options.output);
+    if (!options.output.empty()) check_picture_file("--output", options.output);
     const auto fit = fit_stick(log);
     std::fputs(stick_fit_text(log, fit).c_str(), stdout);
     if (options.output.empty()) return;

@@ -46,7 +46,7 @@ void add_map(CLI::App& app) {
         if (options->output.empty()) {
             std::fputs(joystick_map_text(options->threshold, joystick).c_str(), stdout);
         } else {
-            check_output_file("--output", options->output);
+            check_picture_file("--output", options->output);
             write_picture(joystick_map(options->threshold, joystick), options->output);
             std::printf("%s\n", options->output.c_str());
         }

@@ -6,6 +6,7 @@
 
 #include "cale/env.h"
 #include "play/stick_fit.h"
+#include "settings/config.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 
@@ -23,12 +24,14 @@ void run(const Options& options) {
     EnvConfig env;
     if (!options.config.empty()) load_environment(env, options.config);
     set_environment(env, options.settings);
+    if (env.paddle == Paddle::absolute)
+        throw ConfigError("env.paddle=absolute: the paddle is placed, and no stick moves it; leave it out");
     check(env.motion);
     if (options.output.empty()) {
         std::fputs(step_response_text(env, options.frames).c_str(), stdout);
         return;
     }
-    check_output_file("--output", options.output);
+    check_picture_file("--output", options.output);
     write_picture(step_response_picture(env, options.frames), options.output);
     std::printf("%s\n", options.output.c_str());
 }

@@ -232,4 +232,11 @@ void check_output_file(std::string_view option, const fs::path& file) {
         refuse(fmt::format("it cannot be written: {}; give another", std::strerror(errno)));
 }
 
+void check_picture_file(std::string_view option, const fs::path& file) {
+    check_output_file(option, file);
+    if (file.extension() != ".svg" && file.extension() != ".png")
+        throw ConfigError(
+            fmt::format("{} {}: a picture's name must end in .svg or .png", option, file.string()));
+}
+
 }  // namespace cale

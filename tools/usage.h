@@ -54,4 +54,7 @@ void make_output_folder(std::string_view option, const std::filesystem::path& fo
 /// before the work whose result goes there.
 void check_output_file(std::string_view option, const std::filesystem::path& file);
 
+/// The same for write_picture(), whose files are .svg or .png.
+void check_picture_file(std::string_view option, const std::filesystem::path& file);
+
 }  // namespace cale

@@ -35,7 +35,7 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
 std::string first_rows(const std::filesystem::path& path, std::int64_t rows) {
     if (rows == 0) return "";
     if (!std::filesystem::exists(path)) {
-        throw std::runtime_error(
+        throw CutFile(
             fmt::format("{} is missing, which had {} when the checkpoint was written: restore it, or start a "
                         "new run",
                         path.string(), counted(rows, "row")));
@@ -43,7 +43,7 @@ std::string first_rows(const std::filesystem::path& path, std::int64_t rows) {
     const std::string text = read_file(path);
     auto lines = whole_lines(text);
     if (std::ssize(lines) < rows + 1 || !lines.front().starts_with(kProgressColumns)) {
-        throw std::runtime_error(
+        throw CutFile(
             fmt::format("{} does not have the {} rows that it had when the checkpoint was written: it was "
                         "cut or replaced since; restore it, or start a new run",
                         path.string(), rows));

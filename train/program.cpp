@@ -21,6 +21,7 @@
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
 #include "settings/shell_text.h"
+#include "storage/append_file.h"
 #include "storage/files.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
@@ -210,13 +211,13 @@ void check_length(const TrainingProgram& program, const fs::path& run_dir) {
     }
 }
 
-/// Refuses a run whose config.yaml was cut short: it would continue with the defaults of what is gone. Its
-/// newest checkpoint has a whole copy.
+/// Refuses a run whose config.yaml lacks keys, as one that was cut short does: it would continue with their
+/// defaults. `copy`: that of its newest checkpoint.
 void require_whole_config(const fs::path& file, const fs::path& copy) {
     const auto missing = missing_settings(file, copy);
     if (missing.empty()) return;
     throw ResumeError(fmt::format(
-        "--resume: {} was cut short, it lacks {}{}; copy {} there", file.string(), missing.front(),
+        "--resume: {} lacks {}{}: it was cut or edited since; copy {} there", file.string(), missing.front(),
         missing.size() > 1 ? fmt::format(" and {} others", missing.size() - 1) : "", copy.string()));
 }
 
@@ -544,6 +545,8 @@ int run_program(const TrainingProgram& program, int argc, const char* const* arg
     } catch (const ConfigError& error) {
         return fail(error, kUsage);
     } catch (const ResumeError& error) {
+        return fail(error, kCannotResume);
+    } catch (const CutFile& error) {
         return fail(error, kCannotResume);
     } catch (const std::exception& error) {
         return fail(error, kFailed);

@@ -141,12 +141,7 @@ Recorder::Recorder(Agent& agent, Collector& collector, RunState& state, const Tr
       options_(options),
       resumed_(resumed) {
     if (!options.processes.first()) return;
-    try {
-        files_ = std::make_unique<Files>(state, world, settings, options, resumed);
-    } catch (const std::runtime_error& error) {
-        if (resumed == nullptr) throw;
-        throw ResumeError(fmt::format("--resume {}: {}", options.run_dir.string(), error.what()));
-    }
+    files_ = std::make_unique<Files>(state, world, settings, options, resumed);
     files_->reported = files_->progress_at(state, settings.train.total_steps);
 }
 

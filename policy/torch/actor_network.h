@@ -1,4 +1,4 @@
-// The acting half of an agent's network, computed as the agent computes it, bit for bit.
+// The acting half of an agent's network, computed in float32 as the agent computes it, bit for bit.
 #pragma once
 
 #include <map>
@@ -35,7 +35,7 @@ class ActorNetwork {
     torch::nn::Module owner_;     // of the layers' parameters
     LayerStack layers_;           // up to the head
     std::vector<AnyDense> last_;  // the head's
-    torch::Tensor log_std_;       // [3], of a gaussian head
+    torch::Tensor log_std_;       // [A], of a gaussian head
     torch::Tensor combine_;       // factor_matrix(), of a head with factors
     torch::Tensor support_;       // [atoms], of a distribution
 };

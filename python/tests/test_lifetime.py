@@ -36,6 +36,9 @@ def test_the_roms_of_ale_py_are_found(tmp_path):
     for found in ({"PYTHONPATH": str(tmp_path)}, {"ALE_ROMS_DIR": str(roms)}):
         ran = run(make, **{"CALE_DEPS_DIR": "/nowhere", "ALE_ROMS_DIR": "", **found})
         assert (ran.returncode, ran.stderr) == (0, "")
+    (tmp_path / "pong.bin").symlink_to(roms / "pong.bin")
+    with pytest.raises(FileNotFoundError, match="breakout.bin is not in .*pip install ale-py"):
+        cale.make_vec(["pong", "breakout"], num_envs=2, rom_dir=str(tmp_path))
 
 
 def test_the_interpreter_ends_while_environments_step():

@@ -67,10 +67,10 @@ def test_a_noisy_policy_of_categories(repository):
 def test_evaluations_repeat_whatever_the_threads(repository):
     file = repository / "policies/road_runner_joystick.safetensors"
     one, two = (cale.evaluate(file, games=2, seed=5, threads=threads) for threads in (1, 2))
-    np.testing.assert_array_equal(one.returns, two.returns)
+    assert one == two
     assert one.mean == one.returns.mean()
     other = cale.evaluate(file, games=2, seed=5, sticky_probability=0.25)
-    assert not np.array_equal(one.lengths, other.lengths)
+    assert one != other
 
 
 def test_evaluations_choose_as_the_training_s_did_unless_told_otherwise(repository):
@@ -106,6 +106,9 @@ def test_mistakes_get_a_sentence(repository, tmp_path):
         cale.evaluate(policy, games=1, game="breakout", paddle="absolute")
     with pytest.raises(FileNotFoundError, match="road_runner.bin is not in /nowhere.*pip install ale-py"):
         cale.evaluate(policy, games=1, rom_dir="/nowhere")
+    for refused in (lambda: cale.Policy(file, seed=-1), lambda: cale.evaluate(policy, games=1, seed=-1)):
+        with pytest.raises(ValueError, match="seed is -1: it must be from 0 to"):
+            refused()
     with pytest.raises(ValueError, match="games is 0: it must be at least 1"):
         cale.evaluate(policy, games=0)
     damaged = tmp_path / "damaged.safetensors"

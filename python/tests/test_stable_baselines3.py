@@ -31,6 +31,10 @@ def test_its_vector_environment_is_ours():
     theirs = DummyVecEnv([lambda: cale.Env("breakout", **settings)] * 2)
     ours.seed(3), theirs.seed(3)
     np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    assert ours.metadata["render_fps"] == theirs.metadata["render_fps"] == 15
+    ours.step_async(np.stack([ours.action_space.sample()] * 2))
+    ours.seed(3), theirs.seed(3)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())  # drops that step
     ends = 0
     for _ in range(150):
         actions = np.array([ours.action_space.sample() for _ in range(2)])

@@ -213,6 +213,10 @@ def test_mistakes_get_a_sentence(settings, error, sentence):
         cale.make_vec(**{"game": "breakout", **settings})
 
 
+def test_environments_that_could_not_be_made_close():
+    object.__new__(cale.VectorEnv).close_extras()  # as Gymnasium before 1.3 does, where a setting is refused
+
+
 def test_bad_calls_get_a_sentence():
     envs = cale.make_vec("breakout", num_envs=2)
     with pytest.raises(RuntimeError, match=r"no episode was started: call reset\(\) first"):

@@ -217,6 +217,8 @@ TEST(Sac, RandomActionsMayBeTheWorldsEvents) {
     auto config = small_sac();
     config.random_actions = RandomActions::events;
     auto spec = joystick_world(1000);
+    EXPECT_THAT([&] { check_settings(config, spec); },
+                ThrowsMessage<std::invalid_argument>(HasSubstr("agent.random_actions")));
     EXPECT_THAT([&] { make_sac(config, spec); },
                 ThrowsMessage<std::invalid_argument>(HasSubstr("agent.random_actions")));
     spec.action_space = joystick_space(Joystick::cartesian);

@@ -87,6 +87,19 @@ TEST(DopamineRollout, ElementsOfNoFrameAreRefused) {
     EXPECT_THROW(rollout.restore(state), std::runtime_error);
 }
 
+TEST(DopamineRollout, StepsOfNoFrameAreRefused) {
+    auto rollout = seven_steps(20);
+    StepResult result;
+    const std::array<std::uint8_t, 1> none{};
+    rollout.set_observations(torch::zeros({1, kStack, 1, 1}, torch::kUInt8));
+    rollout.add(torch::tensor({1}, torch::kInt64), {&result, 1}, none);
+    auto state = rollout.state();
+    ASSERT_GT(state.at("window_frames").numel(), 0) << "of the step that has no next one";
+    rollout.restore(state);
+    state.at("window_frames")[0] = kBlankFrame;
+    EXPECT_THROW(rollout.restore(state), std::runtime_error);
+}
+
 TEST(DopamineRollout, IsForOneEnvironment) {
     EXPECT_THROW(DopamineRollout({.num_envs = 2}), std::invalid_argument);
 }

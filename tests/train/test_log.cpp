@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -115,6 +116,11 @@ TEST_F(Log, RowsAreInTheFileAtOnce) {
     EpisodeLog log(folder_ / "episodes.csv", kRun);
     log.write(episode(1));
     EXPECT_THAT(text("episodes.csv"), HasSubstr("\n-20,100,"));
+}
+
+TEST_F(Log, APipeIsNoFileToContinue) {
+    ASSERT_EQ(::mkfifo((folder_ / "pipe.csv").c_str(), 0600), 0);
+    EXPECT_THAT(error_of([&] { EpisodeLog(folder_ / "pipe.csv", kRun, 10); }), HasSubstr("pipe.csv"));
 }
 
 TEST_F(Log, RefusesToContinueAFileThatWasCutShort) {

@@ -499,10 +499,13 @@ TEST(ProgramEmulator, AConfigurationThatWasCutShortIsNotContinuedWithDefaults) {
         folder.write("config.yaml", whole.substr(0, size));
         const auto refused = train_sac(resume);
         EXPECT_EQ(refused.code, 3);
-        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("config.yaml was cut short, it lacks "));
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("config.yaml lacks "));
         EXPECT_THAT(refused.stderr_text, testing::EndsWith("/config.yaml there\n"));
         EXPECT_EQ(folder.read("config.yaml"), whole.substr(0, size));
     }
+    folder.write("config.yaml", whole.substr(0, whole.find("total_steps: ") + 6));
+    EXPECT_THAT(train_sac(resume).stderr_text,
+                testing::EndsWith("; the run's checkpoints have copies of it\n"));
     folder.write("config.yaml", whole);
     EXPECT_EQ(train_sac(resume).code, 0);
 }
@@ -736,7 +739,7 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     auto edited = settings;
     edited.replace(edited.find("gamma: 0.99"), 11, "gamma: 0.5 ");
     for (const auto& [text, sentence] : {std::pair(edited, "another configuration: agent.gamma was 0.99"),
-                                         {std::string(), "config.yaml was cut short, it lacks "}}) {
+                                         {std::string(), "config.yaml lacks "}}) {
         write_file_atomically(config, text);
         const auto answer = resume();
         EXPECT_EQ(answer.code, 3);
@@ -847,6 +850,9 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
             {"evaluate x --device foo",
              "cale evaluate: --device must be auto, cpu, cuda or cuda:<index>, not 'foo'"},
             {"play", "cale play: give a GAME, a --policy FILE, or both"},
+            {"map -o map.pdf", "cale map: --output map.pdf: a picture's name must end in .svg or .png"},
+            {"stick --set env.game=breakout --set env.paddle=absolute",
+             "cale stick: env.paddle=absolute: the paddle is placed, and no stick moves it; leave it out"},
             {"map -o .", "cale map: --output .: that is a folder; give the name of a file"},
             {"export x",
              "cale export: give --output FILE, the file to write, or --web DIR, the folder for a page"},

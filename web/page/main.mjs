@@ -370,9 +370,9 @@ function connectKeys() {
     };
     const press = (event) => {
         if (event.ctrlKey || event.metaKey || event.altKey || !session?.hasGame) return;
-        // Fields, and buttons with the space bar, keep their keys.
+        // Fields, and buttons with the space bar, keep their keys, but for the one that fires.
         if (event.target.closest('input, select, summary')) return;
-        if (event.code === 'Space' && event.target.closest('button')) return;
+        if (event.code === 'Space' && event.target.closest('button:not(#fire)')) return;
         if (!event.repeat && commands[event.code]) return commands[event.code]();
         if (hand.key(event.code, true)) event.preventDefault();
     };

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -28,7 +29,7 @@ class Policy:
 
     def __init__(self, file: str | os.PathLike[str], *, seed: int = 0) -> None:
         self._core = _core.Policy(os.fspath(file))
-        self._core.seed(seed)
+        self._core.seed(_seed(seed))
         self.file = Path(file)
         self.info: dict[str, Any] = self._core.info
 
@@ -115,7 +116,14 @@ def settings_in(config: str) -> dict[str, str]:
     return settings
 
 
-@dataclass(frozen=True)
+def _seed(seed: int) -> int:
+    """Returns the seed as an int. Throws ValueError unless it is from 0 to 2**64 - 1."""
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed is {seed}: it must be from 0 to 2**64 - 1")
+    return operator.index(seed)
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluation:
     """Games played by a policy: an entry of each array is a game, by its number."""
 
@@ -136,6 +144,11 @@ class Evaluation:
         """Of the returns, divided by n."""
         return float(self.returns.std())
 
+    def __eq__(self, other: object) -> bool:
+        """Returns whether the games are the same ones."""
+        return isinstance(other, Evaluation) and all(
+            np.array_equal(getattr(self, column), getattr(other, column)) for column in ("returns", "lengths", "frames"))
+
 
 def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed: int = 1, epsilon: float = 0.001,
              noop_max: int = 29, sampled: bool | None = None, threads: int | None = None,
@@ -151,6 +164,7 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
     policy = policy if isinstance(policy, Policy) else Policy(policy)
     if games < 1:
         raise ValueError(f"games is {games}: it must be at least 1")
+    seed = _seed(seed)
     if not 0 <= epsilon <= 1:
         raise ValueError(f"epsilon is {epsilon}: it must lie in [0, 1]")
     life_loss = "true" if policy.info["life_loss_ends_episode"] else "false"  # what the policy sees depends on it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -47,6 +47,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 15}
+    # Gymnasium before 1.3 closes what is deleted, also where it could not be made.
+    _finalizer: Callable[[], Any] = staticmethod(lambda: None)
 
     def __init__(self, game: str | Sequence[str], num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
                  copy: bool = True, render_mode: str | None = None, **settings: Unpack[Settings]) -> None:

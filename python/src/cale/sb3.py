@@ -30,10 +30,14 @@ class SB3VecEnv(VecEnv):
         self.envs = envs
         self.render_mode = envs.render_mode
         self._wanted_seed: list[int] | None = None
+        self._under_way = False
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self.metadata = {**self.metadata, "render_fps": envs.metadata["render_fps"]}
 
     def reset(self) -> np.ndarray:
-        """Begins episodes everywhere, and returns their first observations."""
+        """Begins episodes everywhere, and returns their first observations. A step that is under way is dropped."""
+        if self._under_way:
+            self.step_wait()
         observations, infos = self.envs.reset(seed=self._wanted_seed)
         self._wanted_seed = None
         self.reset_infos = self._listed(infos)
@@ -42,9 +46,11 @@ class SB3VecEnv(VecEnv):
     def step_async(self, actions: np.ndarray) -> None:
         """Begins a step in the background."""
         self.envs.send(actions)
+        self._under_way = True
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Returns observations, rewards, ends and infos of the step that was begun."""
+        self._under_way = False
         observations, rewards, terminated, truncated, infos = self.envs.recv()
         ended = terminated | truncated
         listed = self._listed(infos)
