@@ -62,6 +62,7 @@ class Show {
                 stage_.show(picture, fmt::format("{}: return {:g}{}", name_, scene.episode_return,
                                                  paused ? " (paused: P continues)" : ""));
             }
+            // Where the metronome does not wait, keys are still asked for no faster than 60 times a second.
             if (paused && plan_.speed <= 0) std::this_thread::sleep_for(std::chrono::milliseconds(16));
             metronome_.wait();
             const Command command = stage_.poll ? stage_.poll(hands_) : Command::none;

@@ -67,9 +67,11 @@ def test_a_noisy_policy_of_categories(repository):
 def test_evaluations_repeat_whatever_the_threads(repository):
     file = repository / "policies/road_runner_joystick.safetensors"
     one, two = (cale.evaluate(file, games=2, seed=5, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one.returns, two.returns)
     assert one == two
     assert one.mean == one.returns.mean()
     other = cale.evaluate(file, games=2, seed=5, sticky_probability=0.25)
+    assert not np.array_equal(one.lengths, other.lengths)
     assert one != other
 
 
