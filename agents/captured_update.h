@@ -22,8 +22,6 @@ class CapturedUpdate {
     /// `generators`: the device's generators that the update draws from.
     CapturedUpdate(c10::Device device, const std::vector<at::Generator>& generators);
     ~CapturedUpdate();
-    CapturedUpdate(CapturedUpdate&&) noexcept;
-    CapturedUpdate& operator=(CapturedUpdate&&) noexcept;
 
     /// Runs `update` once. It must be the same in every call.
     void operator()(const std::function<void()>& update);

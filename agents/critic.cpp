@@ -1,7 +1,5 @@
 #include "agents/critic.h"
 
-#include <array>
-
 #include "agents/off_policy.h"
 
 namespace cale {
@@ -24,7 +22,7 @@ torch::Tensor cross_entropy(const torch::Tensor& target, const torch::Tensor& lo
 }
 
 std::span<const std::string_view> names_of(CriticTarget) {
-    static constexpr std::array<std::string_view, 2> names{"target_mean_action", "sampled_action"};
+    static constexpr std::string_view names[] = {"target_mean_action", "sampled_action"};
     return names;
 }
 

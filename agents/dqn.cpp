@@ -1,6 +1,5 @@
 #include "agents/dqn.h"
 
-#include <array>
 #include <map>
 #include <string>
 
@@ -10,7 +9,7 @@
 namespace cale {
 
 std::span<const std::string_view> names_of(ValueLoss) {
-    static constexpr std::array<std::string_view, 2> names{"mse", "huber"};
+    static constexpr std::string_view names[] = {"mse", "huber"};
     return names;
 }
 

@@ -1,14 +1,13 @@
 #include "agents/exploration.h"
 
 #include <algorithm>
-#include <array>
 #include <stdexcept>
 #include <string>
 
 namespace cale {
 
 std::span<const std::string_view> names_of(Exploration) {
-    static constexpr std::array<std::string_view, 2> names{"standard", "epsilon_greedy"};
+    static constexpr std::string_view names[] = {"standard", "epsilon_greedy"};
     return names;
 }
 
@@ -26,7 +25,7 @@ void require_finite(const torch::Tensor& numbers, std::string_view what) {
 }
 
 std::span<const std::string_view> names_of(RandomActions) {
-    static constexpr std::array<std::string_view, 2> names{"box", "events"};
+    static constexpr std::string_view names[] = {"box", "events"};
     return names;
 }
 
@@ -39,26 +38,6 @@ ActionBox exploration_box(const ActionSpace& space, RandomActions choice) {
             "agent.random_actions: this world's actions have no events: set it to box");
     box.landmarks = torch::tensor(at::ArrayRef<float>(landmarks)).view({-1, box_size(space)});
     return box;
-}
-
-torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random) {
-    if (box.landmarks.defined())
-        return box.landmarks.index_select(
-            0, torch::randint(0, box.landmarks.size(0), {count}, random, torch::kInt64));
-    return box.centre + box.half_width * (2 * torch::rand({count, box.centre.size(0)}, random) - 1);
-}
-
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
-                             at::Generator random) {
-    const auto chosen = torch::rand({actions.size(0), 1}, random) <= epsilon;
-    return torch::where(chosen, uniform_actions(box, actions.size(0), random), actions);
-}
-
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
-                             at::Generator random) {
-    const auto chosen = torch::rand({actions.size(0)}, random) <= epsilon;
-    const auto uniform = torch::randint(0, num_actions, actions.sizes(), random, torch::kInt64);
-    return torch::where(chosen, uniform, actions);
 }
 
 }  // namespace cale

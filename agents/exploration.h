@@ -1,4 +1,4 @@
-// Exploration: epsilon-greedy for discrete and box actions.
+// How an agent explores: its settings and the schedule of epsilon.
 #pragma once
 
 #include <cstdint>
@@ -48,17 +48,5 @@ double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, s
 
 /// Throws std::runtime_error that calls the numbers `what` where one of them is not finite.
 void require_finite(const torch::Tensor& numbers, std::string_view what = "the actor's output");
-
-/// [count, A]: one of the box's landmarks each, or without landmarks anywhere in the box, where coordinates
-/// are independent: uniform in (r, theta) and not on the disc.
-torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
-
-/// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability: where a number
-/// of [0, 1) is no larger, as in Dopamine. Draws for an epsilon of 0, too.
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
-                             at::Generator random);
-/// The same for actions [N] int64 out of `num_actions`.
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
-                             at::Generator random);
 
 }  // namespace cale

@@ -15,6 +15,20 @@ std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec,
                   "lower " + std::string(networks.settings));
 }
 
+std::int64_t memory_beside_batch(const NetworkSpec& network, std::int64_t batch_size, const AgentSpec& spec,
+                                 std::int64_t available, std::string_view key) {
+    const auto observation = spec.observation.stack * spec.observation.frame_size();
+    auto needed = 2 * observation * batch_size;
+    if (spec.device.is_cpu()) {
+        std::int64_t units = 0;
+        for (const auto& layer : sized_layers(network))
+            if (layer.outputs > 0) units += layer.out.count();
+        needed += (observation + 2 * units) * batch_size * (spec.precision == Precision::bf16 ? 2 : 4);
+    }
+    if (needed <= available) return available - needed;
+    refuse_memory("a batch of " + std::to_string(batch_size), needed, available, "lower " + std::string(key));
+}
+
 void refuse_memory(std::string_view what, std::int64_t needed, std::int64_t available,
                    std::string_view way_out) {
     std::ostringstream message;

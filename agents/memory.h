@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "agents/agent.h"
+#include "policy/network_spec.h"
 
 namespace cale {
 
@@ -20,6 +21,14 @@ struct NetworkMemory {
 /// device other than the CPU only the copies count. Throws std::runtime_error, naming both figures and the
 /// settings to lower, where they do not fit.
 std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available);
+
+/// Returns the bytes of `available` that remain beside a gradient step on `batch_size` observations: these
+/// and the next ones as bytes, these as numbers, and what the layers of `network` make of them, with its
+/// gradients. LibTorch's own buffers, which are not counted, take up to as much again. On a device other than
+/// the CPU only the bytes count. Throws std::runtime_error, naming both figures and the setting `key` to
+/// lower, where they do not fit.
+std::int64_t memory_beside_batch(const NetworkSpec& network, std::int64_t batch_size, const AgentSpec& spec,
+                                 std::int64_t available, std::string_view key);
 
 /// Throws std::runtime_error for insufficient memory: `what` needs `needed` bytes, and how to reduce that.
 [[noreturn]] void refuse_memory(std::string_view what, std::int64_t needed, std::int64_t available,

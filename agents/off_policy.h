@@ -171,12 +171,12 @@ bool is_prioritised(const Config& config) {
 
 /// The context in which an algorithm acts.
 struct Acting {
-    ActMode mode;    // with exploration, or as evaluations act
-    double epsilon;  // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
+    ActMode mode;        // with exploration, or as evaluations act
+    double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
+    bool draws_epsilon;  // whether actions may be uniform; else nothing is drawn, as by policy files
     at::Generator random;  // of training or of evaluation, on the CPU
 
-    bool training() const { return mode == ActMode::train; }     // otherwise evaluation
-    bool explores() const { return training() || epsilon > 0; }  // else nothing is drawn, as by policy files
+    bool training() const { return mode == ActMode::train; }  // otherwise evaluation
 };
 
 /// An agent that learns from a replay. `Algorithm` has
@@ -214,9 +214,11 @@ class OffPolicy final : public Agent {
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
+        const double epsilon = training ? this->epsilon() : evaluation_epsilon();
         return algorithm_.act(observations.to(spec_.device),
                               {.mode = mode,
-                               .epsilon = training ? epsilon() : evaluation_epsilon(),
+                               .epsilon = epsilon,
+                               .draws_epsilon = !explores_by_noise() && (training || epsilon > 0),
                                .random = training ? random_.acting : random_.evaluation});
     }
 

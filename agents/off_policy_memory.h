@@ -20,8 +20,9 @@ requires requires(const Config& config) {
 void check_memory(const Config& config, const AgentSpec& spec, std::int64_t available) {
     const auto network = make_network(config, spec, no_values());
     const NetworkMemory networks{parameter_bytes(*network), /*target=*/true, Config::kSizeSettings};
-    check_memory(replay_config(config.replay, spec, is_prioritised(config)),
-                 memory_beside(networks, spec, available),
+    const auto left = memory_beside_batch(network->acting, config.replay.batch_size, spec,
+                                          memory_beside(networks, spec, available), "agent.batch_size");
+    check_memory(replay_config(config.replay, spec, is_prioritised(config)), left,
                  /*mirrored=*/config.replay.replay_on_device && spec.device.is_cpu());
 }
 

@@ -1,7 +1,6 @@
 #include "agents/on_policy.h"
 
 #include <algorithm>
-#include <array>
 #include <future>
 #include <map>
 #include <stdexcept>
@@ -34,12 +33,12 @@ ProcessGroup group_of(const ProcessGroup* processes) {
 }  // namespace
 
 std::span<const std::string_view> names_of(Minibatches) {
-    static constexpr std::array<std::string_view, 2> names{"shuffled", "contiguous"};
+    static constexpr std::string_view names[] = {"shuffled", "contiguous"};
     return names;
 }
 
 std::span<const std::string_view> names_of(StackAfterUpdate) {
-    static constexpr std::array<std::string_view, 2> names{"correct", "repeated"};
+    static constexpr std::string_view names[] = {"correct", "repeated"};
     return names;
 }
 
@@ -147,13 +146,12 @@ class OnPolicy final : public Agent {
         const auto policy = network(observations.to(spec_.device)).policy;
         const auto share = training ? share_ : EnvShare(observations.size(0));
         auto actions = sampled(policy, share, random);
-        const auto epsilon = training ? this->epsilon() : settings_.epsilon.epsilon_eval;
-        const bool explores = training || epsilon > 0;  // else nothing is drawn, as by policy files
-        if (settings_.exploration == Exploration::standard || !explores) return actions;
+        const auto epsilon = this->epsilon(mode);
+        if (!epsilon) return actions;
         actions = share.among_all(actions, /*filler=*/0);
         return share.own(policy.gaussian
-                             ? epsilon_greedy(actions, epsilon, box_, random)
-                             : epsilon_greedy(actions, epsilon, num_actions(spec_.action_space), random));
+                             ? epsilon_greedy(actions, *epsilon, box_, random)
+                             : epsilon_greedy(actions, *epsilon, num_actions(spec_.action_space), random));
     }
 
     void observe(const StepBatch& batch) override {
@@ -181,15 +179,13 @@ class OnPolicy final : public Agent {
     std::map<std::string, double> metrics() override {
         finish_learning();  // so that a row does not depend on when there was a checkpoint
         auto values = newest_;
-        if (settings_.exploration == Exploration::epsilon_greedy) values["charts/epsilon"] = epsilon();
+        if (const auto epsilon = this->epsilon(ActMode::train)) values["charts/epsilon"] = *epsilon;
         return values;
     }
 
     std::optional<AgentPolicy> policy() const override {
-        const bool uniform = settings_.exploration == Exploration::epsilon_greedy;
         if (learning_.valid()) learning_.wait();
-        return policy_of_network(state_.network, /*samples=*/true,
-                                 uniform ? settings_.epsilon.epsilon_eval : 0);
+        return policy_of_network(state_.network, /*samples=*/true, epsilon(ActMode::evaluate).value_or(0));
     }
 
     TensorMap state() override {
@@ -237,7 +233,11 @@ class OnPolicy final : public Agent {
 
     bool repeats() const { return settings_.stack_after_update == StackAfterUpdate::repeated; }
 
-    double epsilon() const {
+    /// None where nothing is drawn for it, as by policy files.
+    std::optional<double> epsilon(ActMode mode) const {
+        if (settings_.exploration == Exploration::standard) return std::nullopt;
+        const auto evaluation = settings_.epsilon.epsilon_eval;
+        if (mode == ActMode::evaluate) return evaluation > 0 ? std::optional(evaluation) : std::nullopt;
         return linearly_decaying_epsilon(settings_.epsilon.epsilon_decay_period, training_steps_, 0,
                                          settings_.epsilon.epsilon_train);
     }
@@ -433,12 +433,15 @@ std::string_view schedule_over_run(const OnPolicySettings& settings) {
 
 void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available) {
     const auto network = make_network(settings, spec, no_values());
-    const auto left = memory_beside(
+    const auto beside_network = memory_beside(
         {parameter_bytes(*network), /*target=*/spec.overlap, "agent.hidden_units or agent.hidden_layers"},
         spec, available);
+    const auto own = [&](std::int64_t steps) { return steps * spec.num_envs / EnvShare(spec).all; };
+    const auto left = memory_beside_batch(network->acting, own(settings.minibatch_size), spec, beside_network,
+                                          "agent.minibatch_size");
     // A second time where a checkpoint is written, and with overlap a third, to learn from.
-    const auto rollout = (spec.overlap ? 3 : 2) * settings.rollout_steps * spec.num_envs /
-                         EnvShare(spec).all * spec.observation.stack * spec.observation.frame_size();
+    const auto rollout = (spec.overlap ? 3 : 2) * own(settings.rollout_steps) * spec.observation.stack *
+                         spec.observation.frame_size();
     if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
 }
 

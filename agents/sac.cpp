@@ -103,7 +103,7 @@ struct Sac : ActorCriticState<SacNetwork> {
         const auto actions = draws ? sample(policy, noise.to(observations.device()), network->box).action
                                    : mean_action(policy, network->box);
         require_finite(actions);
-        if (config.exploration == Exploration::standard || !now.explores()) return actions.cpu();
+        if (!now.draws_epsilon) return actions.cpu();
         return epsilon_greedy(actions.cpu(), now.epsilon, now.training() ? box : action_box(space),
                               now.random);
     }

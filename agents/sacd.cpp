@@ -1,6 +1,5 @@
 #include "agents/sacd.h"
 
-#include <array>
 #include <cmath>
 #include <string>
 
@@ -12,7 +11,7 @@
 namespace cale {
 
 std::span<const std::string_view> names_of(NextPolicy) {
-    static constexpr std::array<std::string_view, 2> names{"online", "target"};
+    static constexpr std::string_view names[] = {"online", "target"};
     return names;
 }
 
@@ -101,7 +100,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             now.training() || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        if (config.exploration == Exploration::standard || !now.explores()) return actions;
+        if (!now.draws_epsilon) return actions;
         return epsilon_greedy(actions, now.epsilon, num_actions, now.random);
     }
 

@@ -45,7 +45,7 @@ std::string_view event_name(Event event) {
 }
 
 std::span<const std::string_view> names_of(EventMap) {
-    static constexpr std::array<std::string_view, 2> kNames{"symmetric", "ale_0_10"};
+    static constexpr std::string_view kNames[] = {"symmetric", "ale_0_10"};
     return kNames;
 }
 

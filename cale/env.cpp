@@ -1,7 +1,6 @@
 #include "cale/env.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <random>
 #include <sstream>
@@ -157,22 +156,22 @@ ContinuousAction stick_of(const FrameAction& action) {
 }  // namespace
 
 std::span<const std::string_view> names_of(ActionSet) {
-    static constexpr std::array<std::string_view, 3> kNames{"continuous", "minimal", "full"};
+    static constexpr std::string_view kNames[] = {"continuous", "minimal", "full"};
     return kNames;
 }
 
 std::span<const std::string_view> names_of(Obs) {
-    static constexpr std::array<std::string_view, 2> kNames{"pixels", "ram"};
+    static constexpr std::string_view kNames[] = {"pixels", "ram"};
     return kNames;
 }
 
 std::span<const std::string_view> names_of(PaddleStrength) {
-    static constexpr std::array<std::string_view, 2> kNames{"one", "radius"};
+    static constexpr std::string_view kNames[] = {"one", "radius"};
     return kNames;
 }
 
 std::span<const std::string_view> names_of(Paddle) {
-    static constexpr std::array<std::string_view, 2> kNames{"joystick", "absolute"};
+    static constexpr std::string_view kNames[] = {"joystick", "absolute"};
     return kNames;
 }
 

@@ -148,7 +148,9 @@ ObservationSpace observation_space(const EnvConfig& config);
 /// The ROM of `game` in `rom_dir`; if that is empty, in the folder named by ALE_ROMS_DIR, else in the `roms`
 /// folder of scripts/setup. Throws std::runtime_error that names the file, every folder searched and the
 /// remedy.
-std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir);
+std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir);
+/// Returns the ROMs of the games of env.game, in their order. Throws as games_of() and find_rom() do.
+std::vector<std::filesystem::path> find_roms(const EnvConfig& config);
 
 /// What a frame of a game is played with: the joystick, or an event.
 using FrameAction = std::variant<ContinuousAction, Event>;

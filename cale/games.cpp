@@ -119,6 +119,9 @@ bool has_paddle(const Game& game) {
 
 const Game& find_game(std::string_view name) {
     const std::string wanted = canonical(name);
+    if (wanted.empty())
+        throw std::invalid_argument("there is no game '" + std::string(name) + "': name one of the " +
+                                    std::to_string(kGames.size()) + ", such as pong");
     const auto distance = [&wanted](const Game& game) { return edit_distance(wanted, canonical(game.name)); };
     const auto& nearest = *std::ranges::min_element(kGames, {}, distance);
     if (distance(nearest) == 0) return nearest;

@@ -46,8 +46,7 @@ void check(const StickCoordinate& coordinate, float value) {
 }  // namespace
 
 std::span<const std::string_view> names_of(Joystick) {
-    static constexpr std::array<std::string_view, 5> kNames{"polar", "cartesian", "direction", "factored",
-                                                            "paddle"};
+    static constexpr std::string_view kNames[] = {"polar", "cartesian", "direction", "factored", "paddle"};
     return kNames;
 }
 

@@ -22,7 +22,7 @@ std::filesystem::path deps_dir() {
 
 }  // namespace
 
-std::filesystem::path find_rom(const std::string& game, const std::string& rom_dir) {
+std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir) {
     const std::string file = std::string(find_game(game).rom) + ".bin";
     // A folder that the user names is the one that is meant.
     std::vector<std::filesystem::path> folders = {rom_dir};
@@ -36,6 +36,12 @@ std::filesystem::path find_rom(const std::string& game, const std::string& rom_d
     throw std::runtime_error(
         "the ROM file " + file + " is not in " + searched +
         ": run scripts/setup, or let env.rom_dir or ALE_ROMS_DIR name a folder that has it");
+}
+
+std::vector<std::filesystem::path> find_roms(const EnvConfig& config) {
+    std::vector<std::filesystem::path> roms;
+    for (const auto* const game : games_of(config.game)) roms.push_back(find_rom(game->rom, config.rom_dir));
+    return roms;
 }
 
 }  // namespace cale

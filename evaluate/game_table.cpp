@@ -21,7 +21,7 @@ namespace {
 
 std::optional<std::filesystem::path> rom_of(const Game& game, const std::string& rom_dir) {
     try {
-        return find_rom(std::string(game.rom), rom_dir);
+        return find_rom(game.rom, rom_dir);
     } catch (const std::runtime_error&) {
         return std::nullopt;
     }

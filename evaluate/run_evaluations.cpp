@@ -13,6 +13,7 @@
 #include "report/csv.h"
 #include "storage/checksum.h"
 #include "storage/files.h"
+#include "storage/step_name.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -129,12 +130,8 @@ void make_evaluations_folder(const fs::path& folder, const EvaluationProtocol& p
     }
 }
 
-std::string evaluation_name(std::int64_t agent_steps) {
-    return fmt::format("step_{:09}", agent_steps);
-}
-
 std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::int64_t agent_steps) {
-    const auto name = evaluation_name(agent_steps);
+    const auto name = step_name(agent_steps);
     try {
         const auto json = nlohmann::json::parse(read_file(folder / (name + ".json")));
         EvaluationResult result{.agent_steps = agent_steps,

@@ -63,9 +63,6 @@ struct EvaluationResult {
 std::optional<EvaluationResult> evaluation_result(const std::filesystem::path& folder,
                                                   std::int64_t agent_steps);
 
-/// "step_000100000"
-std::string evaluation_name(std::int64_t agent_steps);
-
 /// A file of the games that have ended. A killed process loses only the unfinished games.
 class PlayedGames {
   public:

@@ -67,7 +67,7 @@ std::span<const std::string_view> names_of(EncoderKind) {
 }
 
 std::span<const std::string_view> names_of(PhiDqn) {
-    static constexpr std::array<std::string_view, 2> names{"conv2d", "row1d"};
+    static constexpr std::string_view names[] = {"conv2d", "row1d"};
     return names;
 }
 

@@ -1,13 +1,11 @@
 #include "networks/heads.h"
 
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include <torch/nn/init.h>
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
@@ -37,7 +35,7 @@ torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& a
 }
 
 std::span<const std::string_view> names_of(TwinEstimate) {
-    static constexpr std::array<std::string_view, 2> names{"minimum", "mean"};
+    static constexpr std::string_view names[] = {"minimum", "mean"};
     return names;
 }
 
@@ -101,6 +99,26 @@ torch::Tensor log_prob(const SquashedGaussian& policy, const torch::Tensor& acti
 
 torch::Tensor mean_action(const SquashedGaussian& policy, const ActionBox& box) {
     return torch::addcmul(box.centre, box.half_width, policy.mean.tanh());
+}
+
+torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random) {
+    if (box.landmarks.defined())
+        return box.landmarks.index_select(
+            0, torch::randint(0, box.landmarks.size(0), {count}, random, torch::kInt64));
+    return box.centre + box.half_width * (2 * torch::rand({count, box.centre.size(0)}, random) - 1);
+}
+
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
+                             at::Generator random) {
+    const auto chosen = torch::rand({actions.size(0), 1}, random) <= epsilon;
+    return torch::where(chosen, uniform_actions(box, actions.size(0), random), actions);
+}
+
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
+                             at::Generator random) {
+    const auto chosen = torch::rand({actions.size(0)}, random) <= epsilon;
+    const auto uniform = torch::randint(0, num_actions, actions.sizes(), random, torch::kInt64);
+    return torch::where(chosen, uniform, actions);
 }
 
 }  // namespace cale

@@ -1,5 +1,5 @@
 // The networks on an encoder's features: multilayer perceptrons, twin critics, and the tanh-squashed Gaussian
-// policy on a box (Haarnoja et al. 2018, "Soft Actor-Critic", appendix C).
+// policy on a box (Haarnoja et al. 2018, "Soft Actor-Critic", appendix C). Then epsilon-greedy actions.
 #pragma once
 
 #include <cstdint>
@@ -58,10 +58,8 @@ struct TwinValues {
     torch::Tensor q1, q2;  // the two critics'
     /// What the two of them together estimate.
     torch::Tensor estimate(TwinEstimate how) const {
-        return how == TwinEstimate::minimum ? minimum() : (q1 + q2) / 2;
+        return how == TwinEstimate::minimum ? torch::minimum(q1, q2) : (q1 + q2) / 2;
     }
-    /// The smaller of the two, element by element.
-    torch::Tensor minimum() const { return torch::minimum(q1, q2); }
 };
 
 /// Two independent critics q1 and q2, as clipped double Q-learning has them (Fujimoto et al. 2018).
@@ -113,5 +111,17 @@ torch::Tensor mean_action(const SquashedGaussian& policy, const ActionBox& box);
 /// The log-density [B] of given actions [B, A]. Actions on the box's border, where the density
 /// ends, are taken for the nearest float inside.
 torch::Tensor log_prob(const SquashedGaussian& policy, const torch::Tensor& action, const ActionBox& box);
+
+/// [count, A]: one of the box's landmarks each, or without landmarks anywhere in the box, where coordinates
+/// are independent: uniform in (r, theta) and not on the disc.
+torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Generator random);
+
+/// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability: where a number
+/// of [0, 1) is no larger, as in Dopamine. Draws for an epsilon of 0, too.
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
+                             at::Generator random);
+/// The same for actions [N] int64 out of `num_actions`.
+torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
+                             at::Generator random);
 
 }  // namespace cale

@@ -1,7 +1,6 @@
 #include "networks/layers.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -13,7 +12,7 @@
 namespace cale {
 
 std::span<const std::string_view> names_of(Precision) {
-    static constexpr std::array<std::string_view, 2> names{"float32", "bf16"};
+    static constexpr std::string_view names[] = {"float32", "bf16"};
     return names;
 }
 

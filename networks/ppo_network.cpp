@@ -1,11 +1,9 @@
 #include "networks/ppo_network.h"
 
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include <torch/nn/init.h>
 #include <torch/types.h>
 
 namespace cale {
@@ -16,12 +14,12 @@ constexpr std::int64_t kSharedFeatures = 512;
 }  // namespace
 
 std::span<const std::string_view> names_of(Torso) {
-    static constexpr std::array<std::string_view, 2> names{"two_branch", "shared"};
+    static constexpr std::string_view names[] = {"two_branch", "shared"};
     return names;
 }
 
 std::span<const std::string_view> names_of(LogStd) {
-    static constexpr std::array<std::string_view, 2> names{"summed", "direct"};
+    static constexpr std::string_view names[] = {"summed", "direct"};
     return names;
 }
 

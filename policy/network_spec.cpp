@@ -10,7 +10,7 @@ namespace cale {
 using Kind = Layer::Kind;
 
 std::span<const std::string_view> names_of(Padding) {
-    static constexpr std::array<std::string_view, 2> names{"same", "valid"};
+    static constexpr std::string_view names[] = {"same", "valid"};
     return names;
 }
 

@@ -118,8 +118,7 @@ Batch::Batch(const EnvConfig& config, Autoreset autoreset)
       frames_(static_cast<std::size_t>(config.num_envs) * frame_size_),
       newest_(static_cast<std::size_t>(config.num_envs)),
       states_(static_cast<std::size_t>(config.num_envs)) {
-    for (const auto* game : games_of(config.game))
-        static_cast<void>(find_rom(std::string(game->rom), config.rom_dir));
+    static_cast<void>(find_roms(config));
     const Env first(config_of(config, 0), /*seed=*/0);
     events_.assign(first.actions().begin(), first.actions().end());
     if (!events_.empty()) actions_ = Discrete{std::ssize(events_)};

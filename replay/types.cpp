@@ -1,6 +1,5 @@
 #include "replay/types.h"
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <stdexcept>
@@ -9,7 +8,7 @@
 namespace cale {
 
 std::span<const std::string_view> names_of(ReplayTerminal) {
-    static constexpr std::array<std::string_view, 2> names{"corrected", "dopamine"};
+    static constexpr std::string_view names[] = {"corrected", "dopamine"};
     return names;
 }
 

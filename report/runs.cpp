@@ -21,6 +21,8 @@
 #include "cale/text.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
+#include "storage/files.h"
+#include "storage/step_name.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -74,9 +76,10 @@ std::map<std::string, std::string> read_settings(const fs::path& path) {
     std::map<std::string, std::string> settings;
     try {
         int visited = 0;
-        flatten(YAML::LoadFile(path.string()), "", settings, visited);
+        flatten(YAML::Load(read_file(path)), "", settings, visited);
     } catch (const YAML::Exception& error) {
-        throw std::runtime_error(fmt::format("{} cannot be read: {}", path.string(), error.what()));
+        throw std::runtime_error(fmt::format("{} cannot be read: line {}, column {}: {}", path.string(),
+                                             error.mark.line + 1, error.mark.column + 1, error.msg));
     }
     return settings;
 }
@@ -146,18 +149,12 @@ struct Progress {
     CsvTable rows{};        // of progress.csv; none where there is no such file
 };
 
-/// The number in a name such as step_000002000.
-std::optional<double> step_in(const fs::path& path) {
-    const auto name = path.filename().string();
-    return name.starts_with("step_") ? number_in<double>(std::string_view(name).substr(5)) : std::nullopt;
-}
-
 fs::path newest_checkpoint(const fs::path& folder) {
     fs::path newest;
-    double newest_step = 0;
+    std::int64_t newest_step = 0;
     if (!fs::is_directory(folder / "checkpoints")) return newest;
     for (const auto& entry : fs::directory_iterator(folder / "checkpoints")) {
-        const auto step = step_in(entry.path());
+        const auto step = step_in(entry.path().filename().native());
         if (!step || *step < newest_step) continue;
         newest = entry.path();
         newest_step = *step;
@@ -178,7 +175,8 @@ Progress progress_of(const fs::path& folder) {
         const auto column = table.find("global_step");
         if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
     }
-    if (!progress.checkpoint.empty()) add(*step_in(progress.checkpoint), progress.checkpoint);
+    if (const auto step = step_in(progress.checkpoint.filename().native()))
+        add(static_cast<double>(*step), progress.checkpoint);
     return progress;
 }
 
@@ -229,7 +227,8 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
         throw std::runtime_error(fmt::format(
             "{} is cut: its last game ended at agent step {:.0f}, no game takes more than {:.0f}, and {}",
             path.string(), last, *longest, end));
-    const bool is_whole = had > 0 && step_in(checkpoint) >= progress.step;
+    const auto saved = step_in(checkpoint.filename().native());
+    const bool is_whole = had > 0 && saved && static_cast<double>(*saved) >= progress.step;
     if (!is_whole && last <= progress.step - iteration_of(run, episodes))
         run.doubts.push_back(
             fmt::format("{}: its last game ended at agent step {:.0f}, but {}: the score is not of the "
@@ -241,17 +240,10 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
 std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view suffix) {
     std::vector<fs::path> files;
     if (!fs::is_directory(folder)) return files;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-        const auto name = entry.path().filename().string();
-        if (!name.starts_with("step_") || !name.ends_with(suffix)) continue;
-        const auto digits = std::string_view(name).substr(5, name.size() - 5 - suffix.size());
-        if (!digits.empty() && digits.find_first_not_of("0123456789") == digits.npos)
-            files.push_back(entry.path());
-    }
-    std::sort(files.begin(), files.end(), [](const fs::path& a, const fs::path& b) {
-        const auto x = a.filename().string(), y = b.filename().string();
-        return std::pair(x.size(), x) < std::pair(y.size(), y);  // also where the digits are not padded
-    });
+    const auto step = [&](const fs::path& file) { return step_in(file.filename().native(), suffix); };
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (step(entry.path())) files.push_back(entry.path());
+    std::ranges::sort(files, {}, step);
     return files;
 }
 
@@ -322,7 +314,7 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
             throw std::runtime_error(path.string() + " is damaged: it has no column 'return' or no row");
         double sum = 0;
         for (std::size_t row = 0; row < table.rows.size(); ++row) sum += table.score(row, *column);
-        run.steps.push_back(std::stod(path.stem().string().substr(5)));
+        run.steps.push_back(static_cast<double>(*step_in(path.stem().native())));
         run.scores.push_back(sum / static_cast<double>(table.rows.size()));
         run.games_in_score = static_cast<std::int64_t>(table.rows.size());
     }

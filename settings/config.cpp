@@ -347,18 +347,15 @@ std::string ConfigEntry::get() const {
     return written_setting(member);
 }
 
-void ConfigTable::add(std::string_view section, std::string_view name, std::string_view help, Range range,
-                      SettingMember member) {
-    ConfigEntry entry{fmt::format("{}.{}", section, name),
-                      "",
-                      "",
-                      cale::range_text(range),
-                      std::string(help),
-                      range,
-                      std::move(member)};
+void ConfigTable::add_entry(std::string_view section, SettingField field) {
+    ConfigEntry entry{.key = fmt::format("{}.{}", section, field.name),
+                      .type = setting_type(field.member),
+                      .default_text = written_setting(field.member),
+                      .range_text = cale::range_text(field.range),
+                      .help = std::move(field.help),
+                      .range = field.range,
+                      .member = std::move(field.member)};
     if (has(entry.key)) throw std::logic_error(fmt::format("two fields are called '{}'", entry.key));
-    entry.type = setting_type(entry.member);
-    entry.default_text = entry.get();
     const auto same_section = [&](const ConfigEntry& other) { return section_of(other.key) == section; };
     const auto last = std::find_if(entries_.rbegin(), entries_.rend(), same_section);
     entries_.insert(last == entries_.rend() ? entries_.end() : last.base(), std::move(entry));

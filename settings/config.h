@@ -67,7 +67,7 @@ class ConfigTable {
     /// Adds the fields of `config` as `section.name`. Throws std::logic_error where a key exists already.
     template <class Config>
     void add(std::string_view section, Config& config) {
-        fields(config, Adder{*this, section});
+        for (auto& field : setting_fields(config)) add_entry(section, std::move(field));
     }
 
     /// Makes `check` validate a text setting. If it throws std::invalid_argument, its sentence is reported
@@ -112,22 +112,7 @@ class ConfigTable {
     /// Throws std::logic_error where there is no such key.
     ConfigEntry& own_entry(std::string_view key);
 
-    struct Adder {
-        ConfigTable& table;
-        std::string_view section;
-
-        template <class T>
-        void operator()(std::string_view name, T& member, std::string_view help) const {
-            table.add(section, name, help, {}, setting_member(member));
-        }
-        template <class T>
-        void operator()(std::string_view name, T& member, Range range, std::string_view help) const {
-            table.add(section, name, help, range, setting_member(member));
-        }
-    };
-
-    void add(std::string_view section, std::string_view name, std::string_view help, Range range,
-             SettingMember member);
+    void add_entry(std::string_view section, SettingField field);
     const ConfigEntry* find(std::string_view key) const;
 
     std::vector<ConfigEntry> entries_;

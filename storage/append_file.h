@@ -9,7 +9,7 @@
 
 namespace cale {
 
-/// A file lacks what it held when a checkpoint was written. Programs leave with exit code 3.
+/// A file does not hold what it held when a checkpoint was written. Programs leave with exit code 3.
 struct CutFile : std::runtime_error {
     using std::runtime_error::runtime_error;
 };

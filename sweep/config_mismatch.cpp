@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cale/text.h"
+#include "settings/setting_texts.h"
 #include "storage/files.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"

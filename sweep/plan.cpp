@@ -13,9 +13,11 @@
 #include <unistd.h>
 
 #include "cale/env.h"
+#include "cale/text.h"
 #include "report/runs.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
+#include "sweep/settings.h"
 #include "sweep/shell.h"
 
 namespace cale {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sweep/settings.h"
+#include "settings/setting_texts.h"
 #include "sweep/sweep_file.h"
 
 namespace cale {

@@ -17,6 +17,7 @@
 #include "cale/text.h"
 #include "storage/files.h"
 #include "storage/run_lock.h"
+#include "storage/step_name.h"
 #include "sweep/child.h"
 #include "sweep/shell.h"
 #include "train/resume.h"
@@ -75,8 +76,8 @@ struct flock whole_file(short type) {
 }  // namespace
 
 std::span<const std::string_view> names_of(RunPhase) {
-    static constexpr std::array<std::string_view, 6> names{"waiting",  "interrupted", "running",
-                                                           "finished", "failed",      "refused"};
+    static constexpr std::string_view names[] = {"waiting",  "interrupted", "running",
+                                                 "finished", "failed",      "refused"};
     return names;
 }
 

@@ -1,44 +1,27 @@
 #include "sweep/settings.h"
 
 #include <optional>
+#include <stdexcept>
 
-#include <yaml-cpp/yaml.h>
-
+#include "cale/setting.h"
 #include "settings/config.h"
 
 namespace cale {
 namespace {
 
-/// A setting of no name, to read and print values with as the training programs do.
-ConfigEntry entry_of(const SettingMember& member) {
-    ConfigEntry entry;
-    entry.member = member;
-    return entry;
-}
-
 /// What a training program prints of a Value that it has read from the text; none where it reads no Value.
 template <class Value>
 std::optional<std::string> printed_as(const std::string& text) {
     Value value{};
-    const auto entry = entry_of(&value);
     try {
-        entry.set(text);
-    } catch (const ConfigError&) {
+        read_setting("", {}, text, &value);
+    } catch (const std::invalid_argument&) {
         return std::nullopt;
     }
-    return entry.get();
+    return written_setting(&value);
 }
 
 }  // namespace
-
-SettingTexts settings_in(const std::string& yaml) {
-    SettingTexts settings;
-    for (const auto& section : YAML::Load(yaml)) {
-        for (const auto& item : section.second)
-            settings[section.first.Scalar() + "." + item.first.Scalar()] = item.second.Scalar();
-    }
-    return settings;
-}
 
 std::string printed_value(const std::string& text) {
     if (auto truth = printed_as<bool>(text)) return *truth;
@@ -53,7 +36,11 @@ bool same_value(const std::string& a, const std::string& b) {
 
 std::int64_t integer_in(const std::string& text) {
     std::int64_t value = 0;
-    entry_of(&value).set(text);
+    try {
+        read_setting("a number of steps", {}, text, &value);
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
     return value;
 }
 

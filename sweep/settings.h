@@ -2,18 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <map>
 #include <string>
 
 namespace cale {
-
-/// "agent.loss" -> "huber".
-using SettingTexts = std::map<std::string, std::string, std::less<>>;
-
-/// The settings in YAML as the training programs print it, and leave it in a run's config.yaml.
-/// Throws YAML::Exception.
-SettingTexts settings_in(const std::string& yaml);
 
 /// Returns the value as a training program prints it: 0.0001 for 1e-4, 600000 for 600_000, true for on.
 std::string printed_value(const std::string& text);

@@ -23,6 +23,7 @@
 #include "settings/config.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
+#include "storage/step_name.h"
 #include "terminal/console.h"
 #include "terminal/exit_code.h"
 #include "terminal/failure.h"
@@ -196,7 +197,7 @@ EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& 
                               const fs::path& run, Console& console, const std::string& title) {
     const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
     const auto folder = evaluations_folder(run, protocol);
-    const auto name = evaluation_name(steps);
+    const auto name = step_name(steps);
     make_evaluations_folder(folder, protocol);
     std::optional<RunLock> lock;
     try {

@@ -196,12 +196,10 @@ void load_environment(EnvConfig& env, const std::filesystem::path& file) {
 }
 
 void check_roms(const EnvConfig& env) {
-    for (const auto* const game : games_of(env.game)) {
-        try {
-            static_cast<void>(find_rom(std::string(game->rom), env.rom_dir));
-        } catch (const std::runtime_error& error) {
-            throw ConfigError(error.what());
-        }
+    try {
+        static_cast<void>(find_roms(env));
+    } catch (const std::runtime_error& error) {
+        throw ConfigError(error.what());
     }
 }
 

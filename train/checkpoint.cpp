@@ -14,6 +14,7 @@
 
 #include "replay/replay_buffer.h"
 #include "storage/files.h"
+#include "storage/step_name.h"
 #include "terminal/failure.h"
 #include "train/agent_file.h"
 #include "train/resume.h"
@@ -216,7 +217,7 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
         throw std::runtime_error(
             fmt::format("the run's folder {} is gone: no checkpoint could be written", run_dir.string()));
     }
-    const fs::path folder = run_dir / "checkpoints" / fmt::format("step_{:09}", snapshot.state.step);
+    const fs::path folder = run_dir / "checkpoints" / step_name(snapshot.state.step);
     const fs::path partial = folder.string() + kPartial;
     fs::remove_all(partial);
     fs::create_directories(partial);
@@ -337,8 +338,9 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
             pass_over(failure_sentence(error));
         }
     }
-    throw ResumeError(fmt::format("no checkpoint of {} can be read; of the newest: {}", run_dir.string(),
-                                  checkpoint.passed_over.front()));
+    throw ResumeError(
+        fmt::format("no checkpoint of {} can be read: restore one, or start a new run; of the newest: {}",
+                    run_dir.string(), checkpoint.passed_over.front()));
 }
 
 }  // namespace cale

@@ -1,5 +1,6 @@
 #include "train/export.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdint>
@@ -41,6 +42,15 @@ std::string from_checkpoint(const fs::path& folder) {
     throw std::runtime_error(fmt::format("no policy can be made of '{}': {}", path.string(), why));
 }
 
+bool is_whole(const fs::path& checkpoint) {
+    try {
+        static_cast<void>(from_checkpoint(checkpoint));
+    } catch (const std::exception&) {
+        return false;
+    }
+    return true;
+}
+
 /// Of the newest checkpoint. A score of an older one would pass for one of the run's end, so that is for the
 /// user to ask for.
 std::string from_run(const fs::path& run_dir) {
@@ -51,7 +61,8 @@ std::string from_run(const fs::path& run_dir) {
         return from_checkpoint(*newest);
     } catch (const std::exception& error) {
         auto why = fmt::format("its newest checkpoint, {}: {}", newest->filename().string(), error.what());
-        if (checkpoints.size() > 1) why += fmt::format("; the one before is {}", newest[1].string());
+        const auto older = std::find_if(newest + 1, checkpoints.rend(), is_whole);
+        if (older != checkpoints.rend()) why += fmt::format("; the one before is {}", older->string());
         refuse(run_dir, why);
     }
 }

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "cale/text.h"
+#include "report/learning_curve.h"
 #include "storage/files.h"
 
 namespace cale {
@@ -28,6 +29,15 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
         text.remove_prefix(end + 1);
     }
     return lines;
+}
+
+/// Throws CutFile where a line of an episodes.csv is no episode: the end of the run reads all of them.
+void check_episodes(const std::filesystem::path& path) {
+    try {
+        static_cast<void>(read_episodes(path));
+    } catch (const std::runtime_error& error) {
+        throw CutFile(fmt::format("{}; restore it, or start a new run", error.what()));
+    }
 }
 
 /// progress.csv as it was when it had `rows` rows: without later ones, and without the columns that came with
@@ -81,7 +91,10 @@ const std::string& game_of(const std::vector<std::string>& games, std::int64_t e
 EpisodeLog::EpisodeLog(const std::filesystem::path& path, const EpisodeLogHeader& run,
                        std::optional<std::int64_t> offset)
     : file_(path, offset), seed_(run.seed), games_(run.games) {
-    if (offset) return;
+    if (offset) {
+        check_episodes(path);
+        return;
+    }
     const nlohmann::ordered_json first_line = {
         {"t_start", 0.0}, {"env_id", run.env_id}, {"agent", run.agent}, {"seed", run.seed}};
     file_.write(fmt::format("#{}\nr,l,t,global_step,frame,seed,env,truncated{}\n", first_line.dump(),

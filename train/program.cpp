@@ -242,8 +242,8 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
     if (!different.empty() && !line.accept_changes) {
         throw ResumeError(fmt::format(
             "--resume {}: another configuration: {}; resume with the run's own (leave --config and --set "
-            "out, and its config.yaml as it was), say --accept-changes, or start a new run",
-            run_dir.string(), different));
+            "out, and its config.yaml as it was){} or start a new run",
+            run_dir.string(), different, of_the_games.empty() ? ", say --accept-changes," : ""));
     }
     if (!of_the_games.empty()) {
         throw ResumeError(

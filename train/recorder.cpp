@@ -15,6 +15,7 @@
 #include "evaluate/evaluation_progress.h"
 #include "replay/replay_buffer.h"
 #include "report/learning_curve.h"
+#include "storage/step_name.h"
 #include "terminal/console.h"
 #include "terminal/stop_signals.h"
 #include "train/checkpoint_writer.h"
@@ -396,7 +397,7 @@ bool Recorder::run_evaluation() {
     // The other processes wait for the end of this; they would not know that it was cut off.
     const bool interruptible = options_.processes.single();
     Evaluation result;
-    const std::string name = fmt::format("step_{:09}", state_.step);
+    const std::string name = step_name(state_.step);
     const bool films = eval.video && world_.can_film;
     const fs::path video = films ? options_.run_dir / "videos" / (name + ".mp4") : fs::path();
     if (files_) {

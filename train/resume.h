@@ -41,9 +41,6 @@ std::string change_of_run(std::string_view key, std::string_view before, std::st
 std::vector<std::string> missing_settings(const std::filesystem::path& file,
                                           const std::filesystem::path& whole);
 
-/// Returns the largest step among the names step_000250000`ending` in the folder; none if there is no such
-/// name, or no folder.
-std::optional<std::int64_t> newest_step(const std::filesystem::path& folder, std::string_view ending);
 /// Returns the step of a run's newest checkpoint; none if it has none.
 std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& run);
 

@@ -37,11 +37,7 @@ PolicyInfo policy_info(const EnvConfig& env) {
 TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
     const auto all_games = games_of(env.game);
     std::vector<std::string> names;
-    std::vector<std::filesystem::path> roms;
-    for (const auto* const game : all_games) {
-        names.emplace_back(game->name);
-        roms.push_back(find_rom(std::string(game->rom), env.rom_dir));
-    }
+    for (const auto* const game : all_games) names.emplace_back(game->name);
     const auto make = [env](std::span<const std::uint32_t> seeds) {
         auto share = env;
         share.num_envs = std::ssize(seeds);
@@ -73,7 +69,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             .threads = VectorEnv::threads(env),
             .bytes_per_env = VectorEnv::memory_per_env(env),
             .frames_per_step = env.frame_skip,
-            .roms = std::move(roms),
+            .roms = find_roms(env),
             .games = all_games.size() > 1 ? std::move(names) : std::vector<std::string>(),
             .make = make,
             .make_real_time =

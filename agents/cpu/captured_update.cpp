@@ -7,8 +7,6 @@ struct CapturedUpdate::Impl {};
 
 CapturedUpdate::CapturedUpdate(c10::Device, const std::vector<at::Generator>&) {}
 CapturedUpdate::~CapturedUpdate() = default;
-CapturedUpdate::CapturedUpdate(CapturedUpdate&&) noexcept = default;
-CapturedUpdate& CapturedUpdate::operator=(CapturedUpdate&&) noexcept = default;
 
 void CapturedUpdate::operator()(const std::function<void()>& update) {
     update();

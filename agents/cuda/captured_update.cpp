@@ -68,8 +68,6 @@ CapturedUpdate::CapturedUpdate(c10::Device device, const std::vector<at::Generat
     if (device.is_cuda()) impl_ = std::make_unique<Impl>(device, generators);
 }
 CapturedUpdate::~CapturedUpdate() = default;
-CapturedUpdate::CapturedUpdate(CapturedUpdate&&) noexcept = default;
-CapturedUpdate& CapturedUpdate::operator=(CapturedUpdate&&) noexcept = default;
 
 void CapturedUpdate::operator()(const std::function<void()>& update) {
     if (!impl_) return update();

@@ -20,8 +20,7 @@ namespace {
 /// CUDA multiplies in TF32 where it may.
 constexpr double kCudaGoldenTolerance = 1e-2;
 
-ActionBox box_on(torch::Device device, Joystick joystick) {
-    auto box = action_box(joystick_space(joystick));
+ActionBox box_on(torch::Device device, ActionBox box) {
     box.centre = box.centre.to(device);
     box.half_width = box.half_width.to(device);
     return box;
@@ -48,7 +47,8 @@ struct Policy::Impl {
           observation(file.network.observation),
           device(own_device),
           network(file.network, file.weights, device),
-          box(box_on(device, file.info.joystick)) {}
+          random_box(action_box(joystick_space(file.info.joystick))),
+          box(box_on(device, random_box)) {}
 
     torch::Tensor output(const torch::Tensor& observations,
                          const std::optional<at::Generator>& noise = std::nullopt) const {
@@ -67,17 +67,9 @@ struct Policy::Impl {
     }
 
     /// Replaces each action by a uniform one with probability info.epsilon.
-    torch::Tensor epsilon_greedy(const torch::Tensor& actions, at::Generator& random) const {
-        const auto count = actions.size(0);
-        if (!info.actions.empty()) {
-            const auto chosen = torch::rand({count}, random) <= info.epsilon;
-            return torch::where(chosen, torch::randint(0, info.num_actions(), {count}, random, torch::kInt64),
-                                actions);
-        }
-        const auto chosen = torch::rand({count, 1}, random) <= info.epsilon;
-        const auto uniform =
-            box.centre.cpu() + box.half_width.cpu() * (2 * torch::rand(actions.sizes(), random) - 1);
-        return torch::where(chosen, uniform, actions);
+    torch::Tensor explored(const torch::Tensor& actions, at::Generator& random) const {
+        return info.actions.empty() ? epsilon_greedy(actions, info.epsilon, random_box, random)
+                                    : epsilon_greedy(actions, info.epsilon, info.num_actions(), random);
     }
 
     PolicyInfo info;
@@ -86,7 +78,8 @@ struct Policy::Impl {
     std::vector<std::int64_t> observation;  // its shape
     torch::Device device;
     ActorNetwork network;
-    ActionBox box;
+    ActionBox random_box;  // on the CPU, where random actions are drawn
+    ActionBox box;         // of the network's actions, on its device
 };
 
 Policy Policy::load(const std::filesystem::path& file, torch::Device device) {
@@ -141,7 +134,7 @@ torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::
     const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
     // A noisy agent draws for an epsilon of 0, too, and the next noise comes after it.
     const bool draws = impl_->info.epsilon > 0 || impl_->noisy;
-    return evaluated && draws ? impl_->epsilon_greedy(actions, random) : actions;
+    return evaluated && draws ? impl_->explored(actions, random) : actions;
 }
 
 namespace {

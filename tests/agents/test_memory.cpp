@@ -69,6 +69,32 @@ TEST(MemoryBesideNetworks, CountsGradientsMomentsTargetsAndCopies) {
     EXPECT_EQ(memory_beside({.parameters = 10, .target = true, .settings = ""}, elsewhere, 100), 100 - 40);
 }
 
+TYPED_TEST(AgentMemory, OfALargeBatchIsRefusedWithTheSettingToLower) {
+    TypeParam config;
+    if constexpr (requires { config.replay.batch_size; }) {
+        config.replay.batch_size = 65'536;
+    } else {
+        config.minibatch_size = 65'536;
+    }
+    EXPECT_THAT(refusal(config, 11 * kGigabyte),
+                testing::MatchesRegex("a batch of 65536 needs .* GB of memory and 1.*batch_size"));
+}
+
+TEST(MemoryBesideBatches, CountsFramesNumbersAndGradients) {
+    AgentSpec spec;
+    spec.observation = {.stack = 2, .shape = {5}};
+    const NetworkSpec network{
+        .observation = {2, 5},
+        .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("fc", 3), Layer::of(Layer::Kind::relu)},
+        .head = {}};
+    const auto beside = [&] { return memory_beside_batch(network, 4, spec, 1'000, "agent.batch_size"); };
+    EXPECT_EQ(beside(), 1'000 - 4 * (2 * 10 + 4 * (10 + 2 * 3)));
+    spec.precision = Precision::bf16;
+    EXPECT_EQ(beside(), 1'000 - 4 * (2 * 10 + 2 * (10 + 2 * 3)));
+    spec.device = torch::Device(torch::kCUDA, 0);
+    EXPECT_EQ(beside(), 1'000 - 4 * 2 * 10);
+}
+
 TEST(AgentMemoryOnTheCpu, HoldsEveryFrameTwiceWhereTheReplayIsOnTheDevice) {
     DqnConfig config;
     EXPECT_EQ(refusal(config, 12 * kGigabyte), "no error");

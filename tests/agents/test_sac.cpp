@@ -78,7 +78,8 @@ TEST(SacLosses, TargetOfASampledActionIsTheOnlineActorsAsInSac) {
     const auto next = sample(p.network->policy(p.network->encoder->trunk(p.batch.next_observation)),
                              p.noise.target, p.network->box);
     const auto z = p.target->encoder->critic_branch(p.target->encoder->trunk(p.batch.next_observation));
-    const auto value = p.target->values(z, next.action).minimum() - std::exp(0.3) * next.log_prob;
+    const auto value = p.target->values(z, next.action).estimate(cale::TwinEstimate::minimum) -
+                       std::exp(0.3) * next.log_prob;
     const auto expected =
         0.1 * p.batch.n_step_return.to(torch::kFloat64) + p.batch.discount.to(torch::kFloat64) * value;
     EXPECT_TRUE(torch::allclose(p.losses().target_values, expected));

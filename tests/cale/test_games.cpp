@@ -46,6 +46,7 @@ TEST(Games, TheNearestGameIsNamed) {
     const auto refusal = [](const char* name) {
         return message_of<std::invalid_argument>([&] { find_game(name); });
     };
+    EXPECT_EQ(refusal(""), "there is no game '': name one of the 64, such as pong");
     EXPECT_THAT(refusal("Pog"), HasSubstr("no game 'Pog': the nearest of the 64 is pong"));
     EXPECT_THAT(refusal("ALE/SpaceInvader-v5"), HasSubstr("space_invaders"));
     EXPECT_THAT(refusal("ms_pacmen"), HasSubstr("ms_pacman"));
@@ -65,7 +66,7 @@ TEST(EmulatorGames, ARomIsKnownByItsContents) {
 TEST(EmulatorGames, AllSixtyLoadAndStep) {
     for (const auto& game : cale::games()) {
         SCOPED_TRACE(game.name);
-        cale::Emulator emulator(game, cale::find_rom(std::string(game.rom), ""), 0, 1);
+        cale::Emulator emulator(game, cale::find_rom(game.rom, ""), 0, 1);
         emulator.reset();
         EXPECT_EQ(std::ssize(emulator.minimal_actions()), game.minimal_action_count);
         EXPECT_EQ(emulator.legal_actions().size(), game.rom == "skiing" ? 9u : 18u);

@@ -109,7 +109,7 @@ TEST(PaddleCoordinates, AreThoseOfAnAbsolutePaddleAlone) {
 
 TEST(EmulatorPaddle, GamesHaveOneWhereTheirPropertiesSaySo) {
     const auto check = [](const cale::Game& game) {
-        const cale::Emulator console(game, cale::find_rom(std::string(game.rom), ""), 0, 1);
+        const cale::Emulator console(game, cale::find_rom(game.rom, ""), 0, 1);
         EXPECT_EQ(console.has_paddle(), cale::has_paddle(game)) << game.name;
         EXPECT_EQ(std::ssize(console.minimal_actions()), game.minimal_action_count) << game.name;
     };

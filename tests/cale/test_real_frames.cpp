@@ -25,7 +25,7 @@ TEST(EmulatorFrames, AreOpenCVsInEveryGame) {
     std::uint64_t compared = 0;
     std::vector<std::uint8_t> frame(cale::kFrameSize);
     for (const auto& game : cale::games()) {
-        cale::Emulator emulator(game, cale::find_rom(std::string(game.rom), ""), 0.25f, 1);
+        cale::Emulator emulator(game, cale::find_rom(game.rom, ""), 0.25f, 1);
         cale::FramePipeline frames(emulator.screen_height(), emulator.gray_palette());
         ReferenceFrames reference(emulator.screen_height(), emulator.gray_palette());
         const auto actions = emulator.minimal_actions();

@@ -56,7 +56,8 @@ TEST(TwinCritic, TwoIndependentValues) {
     EXPECT_EQ(values.q1.sizes(), (std::vector<std::int64_t>{4, 3}));
     EXPECT_FALSE(torch::allclose(values.q1, values.q2));
     EXPECT_FALSE(torch::allclose(values.q1, critic(x + 1).q1));
-    EXPECT_TRUE(torch::equal(values.minimum(), torch::minimum(values.q1, values.q2)));
+    EXPECT_TRUE(
+        torch::equal(values.estimate(cale::TwinEstimate::minimum), torch::minimum(values.q1, values.q2)));
 }
 
 TEST(SquashedGaussian, AnchorsOfTheReference) {

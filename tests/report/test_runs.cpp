@@ -394,7 +394,7 @@ TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
     };
     EXPECT_THAT(all.left_out, left_out("no_game_ended", "no game"));
     EXPECT_THAT(all.left_out, left_out("no_such_game", "'ALE/Pongg-v5'"));
-    EXPECT_THAT(all.left_out, left_out("torn", "torn/config.yaml cannot be read"));
+    EXPECT_THAT(all.left_out, left_out("torn", "torn/config.yaml cannot be read: line 2, column 1: "));
     EXPECT_THAT(all.left_out, left_out("damaged", "metadata.json is damaged"));
     EXPECT_THAT(all.left_out, left_out("binary", "episodes.csv"));
     EXPECT_THAT(found(ScoreKind::evaluation).left_out, left_out("good", "no evaluation"));

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "settings/config.h"
+#include "settings/setting_texts.h"
 
 namespace cale {
 namespace {

@@ -483,6 +483,15 @@ TEST(ProgramEmulator, ARunThatCannotBeResumedStaysFinished) {
         EXPECT_THAT(refused.stderr_text, testing::EndsWith(": restore it, or start a new run\n"));
         folder.write(name, whole);
     }
+    const auto whole = folder.read("episodes.csv");
+    auto damaged = whole;  // and as long
+    damaged.replace(damaged.find("\nr,l,t,"), 7, "\nq,l,t,");
+    folder.write("episodes.csv", damaged);
+    const auto refused = train_sac(resume);
+    EXPECT_EQ(refused.code, 3);
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("episodes.csv is not an episodes.csv: its header "));
+    EXPECT_THAT(refused.stderr_text, testing::EndsWith("; restore it, or start a new run\n"));
+    folder.write("episodes.csv", whole);
     EXPECT_EQ(metadata_of(folder.path())["finished"], true);
     EXPECT_EQ(metadata_of(folder.path())["stopped"], nullptr);
 }
@@ -738,6 +747,9 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     EXPECT_EQ(resume().code, 0);
     auto edited = settings;
     edited.replace(edited.find("gamma: 0.99"), 11, "gamma: 0.5 ");
+    EXPECT_THAT(resume({"agent.gamma=0.5"}).stderr_text,
+                testing::EndsWith("as it was), say --accept-changes, or start a new run\n"));
+    EXPECT_THAT(resume({"env.noop_max=3"}).stderr_text, testing::EndsWith("as it was) or start a new run\n"));
     for (const auto& [text, sentence] : {std::pair(edited, "another configuration: agent.gamma was 0.99"),
                                          {std::string(), "config.yaml lacks "}}) {
         write_file_atomically(config, text);
