@@ -15,14 +15,17 @@ std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec,
                   "lower " + std::string(networks.settings));
 }
 
-std::int64_t memory_beside_batch(const NetworkSpec& network, std::int64_t batch_size, const AgentSpec& spec,
+std::int64_t memory_beside_batch(const BatchNetwork& network, std::int64_t batch_size, const AgentSpec& spec,
                                  std::int64_t available, std::string_view key) {
     const auto observation = spec.observation.stack * spec.observation.frame_size();
     auto needed = 2 * observation * batch_size;
     if (spec.device.is_cpu()) {
         std::int64_t units = 0;
-        for (const auto& layer : sized_layers(network))
-            if (layer.outputs > 0) units += layer.out.count();
+        for (const auto& layer : sized_layers(network.acting))
+            if (layer.kind == Layer::Kind::conv) units += layer.out.count();
+        // A dense layer and a norm have as many numbers as their bias has.
+        for (const auto& parameter : network.whole.parameters())
+            if (parameter.dim() == 1) units += parameter.numel();
         needed += (observation + 2 * units) * batch_size * (spec.precision == Precision::bf16 ? 2 : 4);
     }
     if (needed <= available) return available - needed;

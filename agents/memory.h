@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include <torch/nn/module.h>
+
 #include "agents/agent.h"
 #include "policy/network_spec.h"
 
@@ -22,12 +24,18 @@ struct NetworkMemory {
 /// settings to lower, where they do not fit.
 std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available);
 
+/// A network, and the half of it that acts.
+struct BatchNetwork {
+    const torch::nn::Module& whole;
+    const NetworkSpec& acting;
+};
+
 /// Returns the bytes of `available` that remain beside a gradient step on `batch_size` observations: these
-/// and the next ones as bytes, these as numbers, and what the layers of `network` make of them, with its
-/// gradients. LibTorch's own buffers, which are not counted, take up to as much again. On a device other than
-/// the CPU only the bytes count. Throws std::runtime_error, naming both figures and the setting `key` to
-/// lower, where they do not fit.
-std::int64_t memory_beside_batch(const NetworkSpec& network, std::int64_t batch_size, const AgentSpec& spec,
+/// and as many next ones as bytes, these as numbers, and the results of the acting half's convolutions and of
+/// all dense layers and norms, with their gradients. That is a lower bound: what LibTorch keeps beside it
+/// takes up to one and a half times as much again. On a device other than the CPU only the bytes count.
+/// Throws std::runtime_error, naming both figures and the setting `key` to lower, where they do not fit.
+std::int64_t memory_beside_batch(const BatchNetwork& network, std::int64_t batch_size, const AgentSpec& spec,
                                  std::int64_t available, std::string_view key);
 
 /// Throws std::runtime_error for insufficient memory: `what` needs `needed` bytes, and how to reduce that.

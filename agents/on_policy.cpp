@@ -437,8 +437,8 @@ void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::
         {parameter_bytes(*network), /*target=*/spec.overlap, "agent.hidden_units or agent.hidden_layers"},
         spec, available);
     const auto own = [&](std::int64_t steps) { return steps * spec.num_envs / EnvShare(spec).all; };
-    const auto left = memory_beside_batch(network->acting, own(settings.minibatch_size), spec, beside_network,
-                                          "agent.minibatch_size");
+    const auto left = memory_beside_batch({*network, network->acting}, own(settings.minibatch_size), spec,
+                                          beside_network, "agent.minibatch_size");
     // A second time where a checkpoint is written, and with overlap a third, to learn from.
     const auto rollout = (spec.overlap ? 3 : 2) * own(settings.rollout_steps) * spec.observation.stack *
                          spec.observation.frame_size();

@@ -282,15 +282,14 @@ std::optional<Protocol> read_protocol(const fs::path& path) {
 /// ones that asked for the most games, which are the same of all runs. Else those that the run made itself.
 Evaluations evaluations_of(const fs::path& run) {
     Evaluations best{.folder = run / "eval"};
-    std::pair<std::size_t, std::string> best_step;
+    std::optional<std::int64_t> best_step;
     if (!fs::is_directory(run / "evaluations")) return best;
     const fs::directory_iterator entries(run / "evaluations");
     const std::set<fs::path> folders(begin(entries), end(entries));
     for (const auto& folder : folders) {
         const auto files = evaluation_files(folder, ".csv");
         if (files.empty()) continue;
-        const auto name = files.back().filename().string();
-        const std::pair step(name.size(), name);
+        const auto step = step_in(files.back().stem().native());
         if (step < best_step) continue;
         const auto protocol = read_protocol(folder / "protocol.json");
         if (!protocol || (step == best_step && protocol->games <= best.protocol.games)) continue;

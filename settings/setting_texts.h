@@ -11,7 +11,7 @@ namespace cale {
 using SettingTexts = std::map<std::string, std::string, std::less<>>;
 
 /// Returns the settings in YAML as the training programs print it, and leave it in a run's config.yaml.
-/// Throws YAML::Exception where it is no such YAML: also where it extends another file.
+/// Throws YAML::Exception where it is no YAML, or a section is neither empty nor a map, as `extends` is.
 SettingTexts settings_in(const std::string& yaml);
 
 }  // namespace cale

@@ -62,7 +62,9 @@ std::string from_run(const fs::path& run_dir) {
     } catch (const std::exception& error) {
         auto why = fmt::format("its newest checkpoint, {}: {}", newest->filename().string(), error.what());
         const auto older = std::find_if(newest + 1, checkpoints.rend(), is_whole);
-        if (older != checkpoints.rend()) why += fmt::format("; the one before is {}", older->string());
+        if (older != checkpoints.rend())
+            why += fmt::format("; the {} is {}", older == newest + 1 ? "one before" : "newest whole one",
+                               older->string());
         refuse(run_dir, why);
     }
 }

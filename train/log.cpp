@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 
 #include "cale/text.h"
 #include "report/learning_curve.h"
@@ -31,13 +32,26 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
     return lines;
 }
 
-/// Throws CutFile where a line of an episodes.csv is no episode: the end of the run reads all of them.
-void check_episodes(const std::filesystem::path& path) {
+/// Returns the path of an episodes.csv that is to be continued behind its first `offset` bytes. Throws
+/// CutFile, before anything is cut off, where a line is no episode or none ends there: the end of the run
+/// reads all.
+const std::filesystem::path& checked_episodes(const std::filesystem::path& path,
+                                              std::optional<std::int64_t> offset) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(path, error);
+    if (!offset || error || size < static_cast<std::uintmax_t>(*offset)) return path;  // AppendFile says so
     try {
         static_cast<void>(read_episodes(path));
-    } catch (const std::runtime_error& error) {
-        throw CutFile(fmt::format("{}; restore it, or start a new run", error.what()));
+    } catch (const std::runtime_error& damage) {
+        throw CutFile(fmt::format("{}; restore it, or start a new run", damage.what()));
     }
+    if (!read_file(path).substr(0, static_cast<std::size_t>(*offset)).ends_with('\n')) {
+        throw CutFile(
+            fmt::format("{} was changed since the checkpoint was written, whose last line ended at "
+                        "byte {}: restore it, or start a new run",
+                        path.string(), *offset));
+    }
+    return path;
 }
 
 /// progress.csv as it was when it had `rows` rows: without later ones, and without the columns that came with
@@ -90,11 +104,8 @@ const std::string& game_of(const std::vector<std::string>& games, std::int64_t e
 
 EpisodeLog::EpisodeLog(const std::filesystem::path& path, const EpisodeLogHeader& run,
                        std::optional<std::int64_t> offset)
-    : file_(path, offset), seed_(run.seed), games_(run.games) {
-    if (offset) {
-        check_episodes(path);
-        return;
-    }
+    : file_(checked_episodes(path, offset), offset), seed_(run.seed), games_(run.games) {
+    if (offset) return;
     const nlohmann::ordered_json first_line = {
         {"t_start", 0.0}, {"env_id", run.env_id}, {"agent", run.agent}, {"seed", run.seed}};
     file_.write(fmt::format("#{}\nr,l,t,global_step,frame,seed,env,truncated{}\n", first_line.dump(),

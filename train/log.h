@@ -42,6 +42,7 @@ struct Episode {
 class EpisodeLog {
   public:
     /// `offset`: where to continue after a resume (see offset()); what follows it is cut off.
+    /// Throws CutFile, and leaves the file as it is, where what it holds is not what was written.
     /// Throws std::runtime_error, here and below, when the disk is full or the file unwritable.
     EpisodeLog(const std::filesystem::path& path, const EpisodeLogHeader& run,
                std::optional<std::int64_t> offset = std::nullopt);

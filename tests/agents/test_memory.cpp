@@ -12,6 +12,7 @@
 #include "agents/ppo.h"
 #include "agents/sac.h"
 #include "agents/sacd.h"
+#include "networks/layers.h"
 #include "support/temporary_folder.h"
 
 namespace cale {
@@ -87,7 +88,10 @@ TEST(MemoryBesideBatches, CountsFramesNumbersAndGradients) {
         .observation = {2, 5},
         .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("fc", 3), Layer::of(Layer::Kind::relu)},
         .head = {}};
-    const auto beside = [&] { return memory_beside_batch(network, 4, spec, 1'000, "agent.batch_size"); };
+    const Dense fc(10, 3, zeros(), no_values());
+    const auto beside = [&] {
+        return memory_beside_batch({*fc, network}, 4, spec, 1'000, "agent.batch_size");
+    };
     EXPECT_EQ(beside(), 1'000 - 4 * (2 * 10 + 4 * (10 + 2 * 3)));
     spec.precision = Precision::bf16;
     EXPECT_EQ(beside(), 1'000 - 4 * (2 * 10 + 2 * (10 + 2 * 3)));

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "report/learning_curve.h"
+#include "storage/files.h"
 
 namespace cale {
 namespace {
@@ -130,6 +131,27 @@ TEST_F(Log, RefusesToContinueAFileThatWasCutShort) {
     EXPECT_THAT(message, HasSubstr("but 10000 when the checkpoint was written"));
     EXPECT_THAT(error_of([&] { EpisodeLog(folder_ / "none.csv", kRun, 10); }),
                 HasSubstr("none.csv is missing, which had 10 bytes"));
+}
+
+TEST_F(Log, RefusesToContinueAFileThatWasChanged) {
+    std::int64_t offset = 0;
+    {
+        EpisodeLog log(folder_ / "episodes.csv", kRun);
+        log.write(episode(1));
+        log.write(episode(2));
+        offset = log.offset();
+    }
+    const auto whole = text("episodes.csv");
+    const auto refusal_of = [&](std::size_t position, std::size_t count, const std::string& by) {
+        auto changed = whole;
+        write_file_atomically(folder_ / "episodes.csv", changed.replace(position, count, by) + "-1,1,");
+        const auto message = error_of([&] { EpisodeLog(folder_ / "episodes.csv", kRun, offset); });
+        EXPECT_EQ(text("episodes.csv"), changed + "-1,1,") << "nothing is cut off";
+        return message;
+    };
+    const auto row = whole.find("\n-20,100,") + 1;
+    EXPECT_THAT(refusal_of(row, 3, "-xy"), HasSubstr("episodes.csv is damaged: line 3 is '-xy,100,"));
+    EXPECT_THAT(refusal_of(row, 3, "-200"), HasSubstr("episodes.csv was changed since the checkpoint was "));
 }
 
 TEST_F(Log, NamesTheFileAndTheReasonWhenItCannotWrite) {

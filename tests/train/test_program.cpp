@@ -750,8 +750,11 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     EXPECT_THAT(resume({"agent.gamma=0.5"}).stderr_text,
                 testing::EndsWith("as it was), say --accept-changes, or start a new run\n"));
     EXPECT_THAT(resume({"env.noop_max=3"}).stderr_text, testing::EndsWith("as it was) or start a new run\n"));
+    const auto eval = settings.find("\neval:\n") + 7;
     for (const auto& [text, sentence] : {std::pair(edited, "another configuration: agent.gamma was 0.99"),
-                                         {std::string(), "config.yaml lacks "}}) {
+                                         {std::string(), "config.yaml lacks "},
+                                         {settings.substr(0, eval), "config.yaml lacks "},
+                                         {settings.substr(0, eval) + "  # agent st", "config.yaml lacks "}}) {
         write_file_atomically(config, text);
         const auto answer = resume();
         EXPECT_EQ(answer.code, 3);
