@@ -26,8 +26,8 @@ std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec,
 
 /// A network, and the half of it that acts.
 struct BatchNetwork {
-    const torch::nn::Module& whole;
-    const NetworkSpec& acting;
+    const torch::nn::Module& whole;  // with critics
+    const NetworkSpec& acting;       // from observations to actions
 };
 
 /// Returns the bytes of `available` that remain beside a gradient step on `batch_size` observations: these

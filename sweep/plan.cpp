@@ -32,7 +32,7 @@ constexpr std::size_t kGroupsAtOnce = 50;
 /// Games and seeds in such a command line.
 constexpr std::size_t kValuesAtOnce = 2'000;
 /// A stored transition's frame, and its action, reward and bookkeeping.
-constexpr std::int64_t kScreenBytes = 84 * 84, kRamBytes = 128, kMemoryOfTransition = 350;
+constexpr std::int64_t kScreenBytes = std::int64_t{84} * 84, kRamBytes = 128, kMemoryOfTransition = 350;
 
 /// Agents whose programs lie in `folder`.
 std::vector<std::string> agents_in(const fs::path& folder) {
