@@ -7,7 +7,6 @@
 #include <utility>
 #include <variant>
 
-#include "cale/games.h"
 #include "python/settings.h"
 
 namespace cale::python {

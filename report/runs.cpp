@@ -149,22 +149,11 @@ struct Progress {
     CsvTable rows{};        // of progress.csv; none where there is no such file
 };
 
-fs::path newest_checkpoint(const fs::path& folder) {
-    fs::path newest;
-    std::int64_t newest_step = 0;
-    if (!fs::is_directory(folder / "checkpoints")) return newest;
-    for (const auto& entry : fs::directory_iterator(folder / "checkpoints")) {
-        const auto step = step_in(entry.path().filename().native());
-        if (!step || *step < newest_step) continue;
-        newest = entry.path();
-        newest_step = *step;
-    }
-    return newest;
-}
-
 /// What all files but episodes.csv say, the largest.
 Progress progress_of(const fs::path& folder) {
-    Progress progress{.checkpoint = newest_checkpoint(folder)};
+    Progress progress;
+    if (const auto checkpoints = named_by_step(folder / "checkpoints"); !checkpoints.empty())
+        progress.checkpoint = checkpoints.back();
     const auto add = [&](double step, const fs::path& file) {
         if (step <= progress.step) return;
         progress.step = step;
@@ -236,17 +225,6 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
                         path.string(), last, end));
 }
 
-/// The files step_*SUFFIX of a folder, oldest first.
-std::vector<fs::path> evaluation_files(const fs::path& folder, std::string_view suffix) {
-    std::vector<fs::path> files;
-    if (!fs::is_directory(folder)) return files;
-    const auto step = [&](const fs::path& file) { return step_in(file.filename().native(), suffix); };
-    for (const auto& entry : fs::directory_iterator(folder))
-        if (step(entry.path())) files.push_back(entry.path());
-    std::ranges::sort(files, {}, step);
-    return files;
-}
-
 /// How evaluations were made: what their protocol.json holds.
 struct Protocol {
     std::string text{kOwnEvaluations};  // "protocol fixed_episodes, games 100, epsilon 0.001, ..."
@@ -287,7 +265,7 @@ Evaluations evaluations_of(const fs::path& run) {
     const fs::directory_iterator entries(run / "evaluations");
     const std::set<fs::path> folders(begin(entries), end(entries));
     for (const auto& folder : folders) {
-        const auto files = evaluation_files(folder, ".csv");
+        const auto files = named_by_step(folder, ".csv");
         if (files.empty()) continue;
         const auto step = step_in(files.back().stem().native());
         if (step < best_step) continue;
@@ -300,7 +278,7 @@ Evaluations evaluations_of(const fs::path& run) {
 }
 
 void read_evaluations(Run& run, const Evaluations& evaluations) {
-    const auto files = evaluation_files(evaluations.folder, ".csv");
+    const auto files = named_by_step(evaluations.folder, ".csv");
     if (files.empty())
         throw std::runtime_error(
             "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
@@ -377,7 +355,7 @@ std::vector<RewardQuantile> read_reward_quantiles(const fs::path& path) {
 
 /// Those of the newest evaluation in the folder, if it has any.
 void read_rewards(Run& run, const fs::path& evaluated) {
-    if (const auto files = evaluation_files(evaluated, "_rewards.csv"); !files.empty())
+    if (const auto files = named_by_step(evaluated, "_rewards.csv"); !files.empty())
         run.reward_quantiles = read_reward_quantiles(files.back());
 }
 
@@ -429,7 +407,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         set_rules(run, settings);
         run.reached = run.steps.back();
         run.finished = run.finished && run.reached >= run.total_steps;
-        if (const auto files = evaluation_files(evaluations.folder, "_events.csv"); !files.empty())
+        if (const auto files = named_by_step(evaluations.folder, "_events.csv"); !files.empty())
             run.event_shares = read_event_shares(files.back());
         read_rewards(run, evaluations.folder);
     }

@@ -23,6 +23,17 @@ std::optional<std::int64_t> step_in(std::string_view name, std::string_view endi
     return number_in<std::int64_t>(name);
 }
 
+std::vector<std::filesystem::path> named_by_step(const std::filesystem::path& folder,
+                                                 std::string_view ending) {
+    std::vector<std::filesystem::path> found;
+    if (!std::filesystem::is_directory(folder)) return found;
+    const auto step = [&](const auto& path) { return step_in(path.filename().native(), ending); };
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+        if (step(entry.path())) found.push_back(entry.path());
+    std::ranges::sort(found, {}, step);
+    return found;
+}
+
 std::optional<std::int64_t> newest_step(const std::filesystem::path& folder, std::string_view ending) {
     std::optional<std::int64_t> newest;
     std::error_code ignored;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace cale {
 
@@ -14,6 +15,10 @@ std::string step_name(std::int64_t step);
 
 /// Returns 250000 for "step_000250000`ending`", however many digits there are. None for another name.
 std::optional<std::int64_t> step_in(std::string_view name, std::string_view ending = "");
+
+/// Returns what the folder holds under such names, oldest first; nothing if there is no folder.
+std::vector<std::filesystem::path> named_by_step(const std::filesystem::path& folder,
+                                                 std::string_view ending = "");
 
 /// Returns the largest step among the names with this ending in the folder; none if there is no such name, or
 /// no folder.

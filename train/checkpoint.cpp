@@ -275,15 +275,7 @@ void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, c
 }
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
-    std::vector<fs::path> found;
-    const fs::path folder = run_dir / "checkpoints";
-    if (!fs::is_directory(folder)) return found;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-        // Another name is a user's copy, or unfinished.
-        if (checkpoint_step(entry.path())) found.push_back(entry.path());
-    }
-    std::ranges::sort(found, {}, checkpoint_step);
-    return found;
+    return named_by_step(run_dir / "checkpoints");  // another name is a user's copy, or unfinished
 }
 
 std::vector<fs::path> require_checkpoints(const fs::path& run_dir) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string_view>
@@ -45,7 +46,8 @@ const std::filesystem::path& checked_episodes(const std::filesystem::path& path,
     } catch (const std::runtime_error& damage) {
         throw CutFile(fmt::format("{}; restore it, or start a new run", damage.what()));
     }
-    if (!read_file(path).substr(0, static_cast<std::size_t>(*offset)).ends_with('\n')) {
+    std::ifstream file(path);
+    if (!file.seekg(*offset - 1) || file.get() != '\n') {
         throw CutFile(
             fmt::format("{} was changed since the checkpoint was written, whose last line ended at "
                         "byte {}: restore it, or start a new run",

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -37,6 +38,9 @@ TEST(StepName, NewestOfAFolder) {
     std::ofstream(folder.path() / "step_000000012.csv");
     EXPECT_EQ(newest_step(folder.path()), 10);
     EXPECT_EQ(newest_step(folder.path(), ".csv"), 12);
+    EXPECT_EQ(named_by_step(folder.path()),
+              (std::vector{folder.path() / "step_9", folder.path() / "step_000000010"}));
+    EXPECT_TRUE(named_by_step(folder.path() / "none").empty());
 }
 
 }  // namespace
