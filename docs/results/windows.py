@@ -28,8 +28,11 @@ AGENTS = {
     "sac__config=ram100k_plus__paddle=joystick": "SAC plus",
     "der__config=ram100k_joystick__action_space=minimal__joystick=polar": "Rainbow on the game's own actions",
     "der__config=joystick100k": "joystick Rainbow",
+    "sac__config=atari100k": "the paper's SAC",
     "der__config=atari100k__encoder=data_efficient__action_space=full": "DER with 18 actions",
     "der__config=atari100k__encoder=data_efficient__action_space=continuous__joystick=factored__noisy_evaluation=true":
+        "DER with the joystick's heads",
+    "der__config=atari100k__action_space=continuous__joystick=factored__noisy_evaluation=true":
         "DER with the joystick's heads",
 }
 
