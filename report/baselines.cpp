@@ -39,18 +39,16 @@ std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std:
 
 }  // namespace
 
-std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
-                                     const std::vector<std::string>& names) {
-    const auto table = read_csv_by_hand(csv);
+std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names) {
     const auto game_column = table.find("game");
-    if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", csv.string()));
+    if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", table.path.string()));
     const auto known = score_columns(table);
     std::vector<Baseline> baselines;
     for (const auto& name : names) {
         if (std::find(known.begin(), known.end(), name) == known.end())
             throw std::invalid_argument(
-                fmt::format("--baselines {}: {} has no such column; the nearest are {}", name, csv.string(),
-                            fmt::join(nearest_names(name, known), ", ")));
+                fmt::format("--baselines {}: {} has no such column; the nearest are {}", name,
+                            table.path.string(), fmt::join(nearest_names(name, known), ", ")));
         const auto column = *table.find(name);
         Baseline baseline{.name = name};
         for (std::size_t row = 0; row < table.rows.size(); ++row) {
@@ -60,7 +58,7 @@ std::vector<Baseline> read_baselines(const std::filesystem::path& csv,
                 if (!baseline.scores.emplace(game.name, table.number(row, column)).second)
                     throw std::runtime_error(
                         fmt::format("{}: line {} has {} again: a table of scores has a game once",
-                                    csv.string(), table.lines[row], game.name));
+                                    table.path.string(), table.lines[row], game.name));
             } catch (const std::invalid_argument&) {
                 continue;  // games beyond the sixty (Defender, Surround)
             }

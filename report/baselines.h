@@ -1,11 +1,12 @@
 // Scores of the literature, for comparison.
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <string>
 #include <vector>
+
+#include "report/csv.h"
 
 namespace cale {
 
@@ -17,7 +18,7 @@ struct Baseline {
 
 /// The columns called `names` of a table with a row per game, whose column `game` names it.
 /// Throws std::invalid_argument for a name that is no column, naming the nearest, and
-/// std::runtime_error for a table that cannot be read.
-std::vector<Baseline> read_baselines(const std::filesystem::path& csv, const std::vector<std::string>& names);
+/// std::runtime_error for a table without that column, or with a game twice.
+std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names);
 
 }  // namespace cale

@@ -17,6 +17,8 @@
 namespace cale {
 namespace {
 
+constexpr double kHighestScore = 1e12;
+
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
     const auto text = fmt::format("{}", fmt::join(cells, ","));
@@ -107,19 +109,27 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
 
 }  // namespace
 
-CsvTable read_csv(const std::filesystem::path& path) {
-    return table_of(path, text_of(path), /*with_empty_lines=*/true);
+CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes) {
+    return table_of(path, text_of(path).substr(0, bytes), /*with_empty_lines=*/true);
 }
 
 CsvTable read_csv_by_hand(const std::filesystem::path& path) {
-    return table_of(path, text_of(path) + '\n', /*with_empty_lines=*/false);
+    const auto text = text_of(path);
+    auto table = table_of(path, text + '\n', /*with_empty_lines=*/false);
+    if (!text.ends_with('\n')) table.cut_line = table.lines.empty() ? 1 : table.lines.back();
+    return table;
 }
 
 CsvTable read_whole_csv(const std::filesystem::path& path) {
     auto table = read_csv(path);
-    if (!table.cut_line) return table;
+    require_whole(table);
+    return table;
+}
+
+void require_whole(const CsvTable& table) {
+    if (!table.cut_line) return;
     throw std::runtime_error(
-        fmt::format("{} is damaged: it ends in the middle of line {}", path.string(), *table.cut_line));
+        fmt::format("{} is damaged: it ends in the middle of line {}", table.path.string(), *table.cut_line));
 }
 
 std::string csv_line(const std::vector<std::string>& cells) {

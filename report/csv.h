@@ -22,25 +22,25 @@ struct CsvTable {
     std::optional<std::size_t> find(std::string_view column) const;
     /// Throws std::runtime_error that names the file and the line where the cell is no finite number.
     double number(std::size_t row, std::size_t column) const;
-    /// The same for a game's score, which must not exceed kHighestScore in size either.
+    /// The same for a game's score, which no game lets grow beyond 1e12: a larger one indicates a damaged
+    /// file, and sums of such could overflow.
     double score(std::size_t row, std::size_t column) const;
 };
 
-/// No score of the sixty games is as large as this: larger numbers indicate a damaged file, and their sums
-/// could overflow.
-inline constexpr double kHighestScore = 1e12;
-
 /// An incomplete last line, as left by a killed run or a truncated copy, is no row: see CsvTable::cut_line.
 /// Throws std::runtime_error, naming the file, where it cannot be read or has no header, and the line where a
-/// row is longer or shorter.
-CsvTable read_csv(const std::filesystem::path& path);
+/// row is longer or shorter. `bytes`: as if the file ended there.
+CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes = std::string::npos);
 
 /// read_csv() for a file that is written at once. Throws std::runtime_error where it ends within a line, too.
 CsvTable read_whole_csv(const std::filesystem::path& path);
 
-/// read_csv() for a table that a person wrote: its last line may lack its end, and empty lines are passed
-/// over.
+/// read_csv() for a table that a person wrote: empty lines are passed over, and a last line without its end
+/// is both a row and the cut_line.
 CsvTable read_csv_by_hand(const std::filesystem::path& path);
+
+/// Throws std::runtime_error for a table whose file ends within a line.
+void require_whole(const CsvTable& table);
 
 /// A line of a table: cells with a comma, a quote or a line break are quoted.
 std::string csv_line(const std::vector<std::string>& cells);

@@ -42,8 +42,8 @@ std::vector<Point> thinned(const std::vector<Point>& points) {
 
 }  // namespace
 
-EpisodeHistory read_episodes(const std::filesystem::path& path) {
-    const auto table = read_csv(path);
+EpisodeHistory read_episodes(const std::filesystem::path& path, std::size_t bytes) {
+    const auto table = read_csv(path, bytes);
     const auto return_column = table.find("r");
     const auto step_column = table.find("global_step");
     const auto length_column = table.find("l");

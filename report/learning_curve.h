@@ -24,8 +24,9 @@ struct EpisodeHistory {
 
 /// Reads the columns `r` and `global_step` of an episodes.csv; where the latter is missing, as in a
 /// Monitor file of Stable-Baselines3, the sum of the lengths `l`. An incomplete last line is no episode: see
-/// `cut_line`. Throws std::runtime_error naming the file and the line at fault.
-EpisodeHistory read_episodes(const std::filesystem::path& path);
+/// `cut_line`. `bytes`: as if the file ended there. Throws std::runtime_error naming the file and the line at
+/// fault.
+EpisodeHistory read_episodes(const std::filesystem::path& path, std::size_t bytes = std::string::npos);
 
 /// Element i is the mean of the `window` newest values up to i, of fewer at the beginning.
 std::vector<double> moving_average(const std::vector<double>& values, std::size_t window);

@@ -20,14 +20,19 @@ constexpr std::array<Colour, 7> kSeriesColours{{
     {0x6f, 0x6f, 0x6f},  // for their black, which text has
 }};
 
+bool series_dashed(std::size_t index) {
+    return index / kSeriesColours.size() % 2 == 1;
+}
+
+void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value) {
+    const double y = panel.to_y(value);
+    picture.areas.push_back(rectangle(panel.left, y - 0.5, panel.right, y + 0.5, kGrid));
+}
+
 }  // namespace
 
 Colour series_colour(std::size_t index) {
     return kSeriesColours[index % kSeriesColours.size()];
-}
-
-bool series_dashed(std::size_t index) {
-    return index / kSeriesColours.size() % 2 == 1;
 }
 
 std::vector<double> nice_ticks(double low, double high, int count) {
@@ -111,11 +116,6 @@ std::vector<double> fitting_ticks(const Panel& panel, int count, double text_siz
 void draw_grid_line_at_x(Picture& picture, const Panel& panel, double value) {
     const double x = panel.to_x(value);
     picture.areas.push_back(rectangle(x - 0.5, panel.top, x + 0.5, panel.bottom, kGrid));
-}
-
-void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value) {
-    const double y = panel.to_y(value);
-    picture.areas.push_back(rectangle(panel.left, y - 0.5, panel.right, y + 0.5, kGrid));
 }
 
 void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, double text_size) {

@@ -16,10 +16,9 @@ inline constexpr Colour kInk{0x33, 0x3a, 0x45};
 inline constexpr Colour kFaintInk{0x6b, 0x73, 0x80};
 inline constexpr Colour kGrid{0xe6, 0xe9, 0xed};
 
-/// How the group with this index is drawn: colours that the colour-blind tell apart (Okabe and Ito
-/// 2008, without their yellow, which is too faint on white); from the eighth on, dashed.
+/// The colour of the group with this index: colours that the colour-blind tell apart (Okabe and Ito 2008,
+/// without their yellow, which is too faint on white). From the eighth on, lines are dashed.
 Colour series_colour(std::size_t index);
-bool series_dashed(std::size_t index);
 
 /// Between `low` and `high`, inclusive, about `count` multiples of 1, 2 or 5 times a power of ten.
 std::vector<double> nice_ticks(double low, double high, int count);
@@ -62,9 +61,8 @@ void assign_panel(Picture& picture, const Extent& before, const Panel& panel, st
 /// About `count` ticks on the x axis, fewer where their words would touch.
 std::vector<double> fitting_ticks(const Panel& panel, int count, double text_size);
 
-/// Lines under everything else, straight across a panel.
+/// A line under everything else, straight across a panel.
 void draw_grid_line_at_x(Picture& picture, const Panel& panel, double value);
-void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value);
 
 /// Grid lines with their values to the left, ticks with theirs below, about as many as given.
 void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, double text_size = 12);

@@ -98,8 +98,8 @@ std::string recorded_runs_csv(const Comparison& comparison) {
     return text;
 }
 
-std::vector<std::string> recorded_groups(const std::filesystem::path& csv) {
-    const auto table = read_whole_csv(csv);
+std::vector<std::string> recorded_groups(const CsvTable& table) {
+    require_whole(table);
     const auto group = columns_of(table)[0];
     std::vector<std::string> groups;
     for (const auto& row : table.rows)
@@ -107,24 +107,23 @@ std::vector<std::string> recorded_groups(const std::filesystem::path& csv) {
     return groups;
 }
 
-std::vector<Run> read_recorded_runs(const std::filesystem::path& csv,
-                                    const std::vector<std::string>& groups) {
-    const auto table = read_whole_csv(csv);
+std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std::string>& groups) {
+    require_whole(table);
     const auto [group, number, agent, game, seed, step, score, total] = columns_of(table);
     std::map<std::pair<std::string, std::uint64_t>, Run> runs;
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
         const auto& cells = table.rows[row];
         if (std::ranges::find(groups, cells[group]) == groups.end()) continue;
         auto& run = runs[{cells[group], natural(table, row, number)}];
-        run.folder = csv;
+        run.folder = table.path;
         run.recorded_as = cells[group];
         run.agent = cells[agent];
         run.game = &find_game(cells[game]);
         run.seed = natural(table, row, seed);
         run.total_steps = table.number(row, total);
         if (!run.steps.empty() && table.number(row, step) <= run.steps.back())
-            throw std::runtime_error(
-                fmt::format("{}:{}: the steps of a run do not ascend", csv.string(), table.lines[row]));
+            throw std::runtime_error(fmt::format("{}:{}: the steps of a run do not ascend",
+                                                 table.path.string(), table.lines[row]));
         run.steps.push_back(table.number(row, step));
         run.scores.push_back(table.score(row, score));
         for (std::size_t i = 0; i < table.columns.size(); ++i)

@@ -2,11 +2,11 @@
 // run_curves.csv, and data/cale_scores.csv is such a table of our own results.
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "report/comparison.h"
+#include "report/csv.h"
 #include "report/runs.h"
 
 namespace cale {
@@ -17,10 +17,10 @@ namespace cale {
 std::string recorded_runs_csv(const Comparison& comparison);
 
 /// Returns the names of the groups of runs in such a table, each once, as they stand. Throws
-/// std::runtime_error for a table that cannot be read or is none of recorded runs.
-std::vector<std::string> recorded_groups(const std::filesystem::path& csv);
+/// std::runtime_error for a table that is cut or none of recorded runs.
+std::vector<std::string> recorded_groups(const CsvTable& table);
 
 /// Returns the runs of these groups, with Run::recorded_as set. Throws as recorded_groups() does.
-std::vector<Run> read_recorded_runs(const std::filesystem::path& csv, const std::vector<std::string>& groups);
+std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std::string>& groups);
 
 }  // namespace cale

@@ -35,22 +35,6 @@ constexpr double kMostSteps = 1e15;
 /// The protocol of evaluations that a run made itself.
 constexpr std::string_view kOwnEvaluations = "the run's own";
 
-/// No result depends on these, or a report tells them apart anyway.
-constexpr std::array<std::string_view, 14> kWithoutEffect{"env.game",
-                                                          "env.rom_dir",
-                                                          "env.env_threads",
-                                                          "train.seed",
-                                                          "train.checkpoint_every",
-                                                          "train.keep_checkpoints",
-                                                          "train.keep_every",
-                                                          "train.keep_best",
-                                                          "train.save_replay",
-                                                          "eval.every",
-                                                          "eval.episodes",
-                                                          "eval.video",
-                                                          "log.every",
-                                                          "log.tensorboard"};
-
 /// `visited`: how many nodes have been.
 void flatten(const YAML::Node& node, const std::string& name, std::map<std::string, std::string>& settings,
              int& visited, int depth = 0) {
@@ -159,7 +143,7 @@ Progress progress_of(const fs::path& folder) {
         progress.step = step;
         progress.file = file;
     };
-    if (const auto file = folder / "progress.csv"; fs::exists(file)) {
+    if (const auto file = folder / "progress.csv"; fs::exists(file) && !fs::is_empty(file)) {
         const auto& table = progress.rows = read_csv(file);
         const auto column = table.find("global_step");
         if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
@@ -412,6 +396,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         read_rewards(run, evaluations.folder);
     }
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
+    for (const auto* name : {"env.game", "train.seed"}) run.settings.erase(name);  // Run has them
     run.zones = zones_in(progress.rows);
     return run;
 }

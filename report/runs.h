@@ -72,6 +72,20 @@ struct LeftOut {
 /// The file in which a sweep lists its runs, each a line with the name of a subfolder.
 inline constexpr std::string_view kSweepList = "sweep_runs.txt";
 
+/// No result depends on these settings.
+inline constexpr std::array<std::string_view, 12> kWithoutEffect{"env.rom_dir",
+                                                                 "env.env_threads",
+                                                                 "train.checkpoint_every",
+                                                                 "train.keep_checkpoints",
+                                                                 "train.keep_every",
+                                                                 "train.keep_best",
+                                                                 "train.save_replay",
+                                                                 "eval.every",
+                                                                 "eval.episodes",
+                                                                 "eval.video",
+                                                                 "log.every",
+                                                                 "log.tensorboard"};
+
 struct FoundRuns {
     std::vector<Run> runs{};             // by folder
     std::vector<LeftOut> left_out{};     // folders that look like runs and cannot be used

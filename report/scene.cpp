@@ -6,7 +6,6 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 
 #include "cale/env.h"
 

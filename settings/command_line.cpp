@@ -1,6 +1,5 @@
 #include "settings/command_line.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <string_view>
@@ -9,13 +8,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
 #include "cale/setting.h"
 #include "cale/text.h"
 #include "settings/agent_of_config.h"
 #include "settings/versions.h"
-#include "storage/files.h"
+#include "storage/metadata_text.h"
 #include "terminal/columns.h"
 
 namespace cale {
@@ -184,12 +182,8 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
 
 /// Another agent's run has settings that this program does not know.
 void check_trained_by(std::string_view program, const std::filesystem::path& run_dir) {
-    const auto file = run_dir / "metadata.json";
-    if (!std::filesystem::exists(file)) return;
-    const auto metadata = nlohmann::json::parse(read_file(file), nullptr, /*allow_exceptions=*/false);
-    if (!metadata.is_object() || !metadata.contains("program") || !metadata["program"].is_string()) return;
-    const auto trained_by = metadata["program"].get<std::string>();
-    if (trained_by == program) return;
+    const auto trained_by = metadata_text(run_dir, "program");
+    if (trained_by.empty() || trained_by == program) return;
     throw ConfigError(fmt::format("--resume --run-dir {}: this is a run of {}; resume it with that program",
                                   run_dir.string(), trained_by));
 }

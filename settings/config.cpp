@@ -11,9 +11,11 @@
 
 #include "cale/text.h"
 #include "settings/yaml.h"
-#include "storage/files.h"
 
 namespace cale {
+
+ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(printable(sentence)) {}
+
 namespace {
 
 std::string_view section_of(std::string_view key) {
@@ -62,46 +64,6 @@ std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& en
 
 // ---- files --------------------------------------------------------------------------
 
-/// The names of the configurations in a folder.
-std::vector<std::string> configurations_in(const std::filesystem::path& folder) {
-    std::vector<std::string> names;
-    std::error_code ignored;
-    for (const auto& item : std::filesystem::directory_iterator(folder, ignored)) {
-        if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
-    }
-    std::ranges::sort(names);
-    return names;
-}
-
-/// "a.yaml, b.yaml", or the first few and how many there are.
-std::string listed(std::vector<std::string> names) {
-    constexpr std::size_t kMost = 6;
-    const auto all = names.size();
-    names.resize(std::min(all, kMost));
-    return fmt::format("{}{}", fmt::join(names, ", "),
-                       all > kMost ? fmt::format(", ... ({} in all)", all) : "");
-}
-
-/// The operating system's reason and the remedy: "No such file or directory; did you mean
-/// 'configs/sac/200m.yaml'?", or what there is in the folder.
-std::string unreadable(const std::filesystem::path& file, const std::error_code& reason) {
-    namespace fs = std::filesystem;
-    std::string text = reason.message();
-    if (reason == std::errc::is_a_directory) {
-        const auto names = configurations_in(file);
-        return names.empty() ? text : fmt::format("{}; give a file in it: {}", text, listed(names));
-    }
-    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-    const auto names = configurations_in(folder);
-    const auto guess = nearest(file.filename().string(), names);
-    if (!guess.empty()) {
-        text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
-    } else if (!names.empty()) {
-        text += fmt::format("; '{}' has {}", folder.string(), listed(names));
-    }
-    return text;
-}
-
 class YamlReader {
   public:
     explicit YamlReader(const ConfigTable& table) : table_(table) {}
@@ -110,11 +72,8 @@ class YamlReader {
     void read(const std::filesystem::path& file, const std::string& asked_by = "") {
         std::string text;
         try {
-            text = read_file(file);
-        } catch (const std::system_error& error) {
-            throw ConfigError(fmt::format("{}cannot read '{}': {}", asked_by, file.string(),
-                                          unreadable(file, error.code())));
-        } catch (const std::runtime_error& error) {
+            text = read_yaml(file);
+        } catch (const ConfigError& error) {
             throw ConfigError(asked_by + error.what());
         }
         std::error_code ignored;  // a pipe has no canonical name, and cannot be extended
@@ -131,7 +90,7 @@ class YamlReader {
 
   private:
     void read_root(const std::filesystem::path& file, const std::string& text) {
-        const auto root = parse(file, text);
+        const auto root = parse_yaml(file, text);
         if (root.IsNull()) return;
         if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
         // The base comes first wherever it is named, so that this file has the last word.
@@ -149,25 +108,13 @@ class YamlReader {
 
     using Seen = std::map<std::string, int>;  // key -> line
 
-    static std::string at(const std::filesystem::path& file, const YAML::Mark& mark) {
-        if (mark.is_null()) return file.string() + ": ";
-        return fmt::format("{}:{}:{}: ", file.string(), mark.line + 1, mark.column + 1);
-    }
     [[noreturn]] static void fail(const std::filesystem::path& file, const YAML::Node& node,
                                   const std::string& what) {
-        throw ConfigError(at(file, node.Mark()) + what);
+        throw ConfigError(fmt::format("{}: {}", place(file, node.Mark()), what));
     }
     static const std::string& scalar(const std::filesystem::path& file, const YAML::Node& key) {
         if (!key.IsScalar()) fail(file, key, "a key must be a word");
         return key.Scalar();
-    }
-
-    static YAML::Node parse(const std::filesystem::path& file, const std::string& text) {
-        try {
-            return parse_yaml(text);
-        } catch (const YAML::Exception& error) {
-            throw ConfigError(at(file, error.mark) + error.msg);
-        }
     }
 
     static void check_duplicate(Seen& seen, const std::filesystem::path& file, const YAML::Node& node,
@@ -182,7 +129,7 @@ class YamlReader {
         constexpr auto kWanted = "'extends' must name another file, or a list of files";
         const auto read_one = [&](const YAML::Node& name) {
             if (!name.IsScalar()) fail(file, name.IsNull() ? key : name, kWanted);
-            read(file.parent_path() / name.Scalar(), at(file, name.Mark()));
+            read(file.parent_path() / name.Scalar(), place(file, name.Mark()) + ": ");
         };
         if (!base.IsSequence()) return read_one(base);
         for (const auto& name : base) read_one(name);
@@ -265,13 +212,8 @@ class YamlReader {
     std::vector<std::filesystem::path> chain_;
 };
 
-}  // namespace
-
-ConfigError::ConfigError(std::string_view sentence) : std::runtime_error(printable(sentence)) {}
-
-namespace {
-
-void read_value(const ConfigEntry& entry, std::string_view text) {
+/// Reads the text into the entry's member.
+void read_into(const ConfigEntry& entry, std::string_view text) {
     if (entry.check) {
         try {
             entry.check(std::string(text));
@@ -315,13 +257,13 @@ bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
     const auto before = entry.get();
     const bool all_fit = std::ranges::all_of(values, [&](const std::string& value) {
         try {
-            read_value(entry, value);
+            read_into(entry, value);
             return true;
         } catch (const ConfigError&) {
             return false;
         }
     });
-    read_value(entry, before);
+    read_into(entry, before);
     return all_fit;
 }
 
@@ -329,7 +271,7 @@ bool is_list_of_values(const ConfigEntry& entry, std::string_view text) {
 
 void ConfigEntry::set(std::string_view text) const {
     try {
-        read_value(*this, text);
+        read_into(*this, text);
     } catch (const ConfigError&) {
         if (takes_list) throw;
         if (is_range_of_fractions(text)) {

@@ -1,12 +1,61 @@
 #include "settings/yaml.h"
 
+#include <algorithm>
 #include <sstream>
+#include <system_error>
 #include <vector>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/eventhandler.h>
 
+#include "cale/text.h"
+#include "settings/config.h"
+#include "storage/files.h"
+
 namespace cale {
+namespace fs = std::filesystem;
+
 namespace {
+
+/// The names of the configurations in a folder.
+std::vector<std::string> configurations_in(const fs::path& folder) {
+    std::vector<std::string> names;
+    std::error_code ignored;
+    for (const auto& item : fs::directory_iterator(folder, ignored)) {
+        if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
+    }
+    std::ranges::sort(names);
+    return names;
+}
+
+/// "a.yaml, b.yaml", or the first few and how many there are.
+std::string listed(std::vector<std::string> names) {
+    constexpr std::size_t kMost = 6;
+    const auto all = names.size();
+    names.resize(std::min(all, kMost));
+    return fmt::format("{}{}", fmt::join(names, ", "),
+                       all > kMost ? fmt::format(", ... ({} in all)", all) : "");
+}
+
+/// The operating system's reason and the remedy: "No such file or directory; did you mean
+/// 'configs/sac/200m.yaml'?", or what there is in the folder.
+std::string unreadable(const fs::path& file, const std::error_code& reason) {
+    std::string text = reason.message();
+    if (reason == std::errc::is_a_directory) {
+        const auto names = configurations_in(file);
+        return names.empty() ? text : fmt::format("{}; give a file in it: {}", text, listed(names));
+    }
+    const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    const auto names = configurations_in(folder);
+    const auto guess = nearest(file.filename().string(), names);
+    if (!guess.empty()) {
+        text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
+    } else if (!names.empty()) {
+        text += fmt::format("; '{}' has {}", folder.string(), listed(names));
+    }
+    return text;
+}
 
 /// Where the documents of a YAML stream begin.
 struct DocumentStarts : YAML::EventHandler {
@@ -27,6 +76,21 @@ struct DocumentStarts : YAML::EventHandler {
 
 }  // namespace
 
+std::string read_yaml(const fs::path& file) {
+    try {
+        return read_file(file);
+    } catch (const std::system_error& error) {
+        throw ConfigError(fmt::format("cannot read '{}': {}", file.string(), unreadable(file, error.code())));
+    } catch (const std::runtime_error& error) {
+        throw ConfigError(error.what());
+    }
+}
+
+std::string place(const fs::path& file, const YAML::Mark& mark) {
+    if (mark.is_null()) return file.string();
+    return fmt::format("{}:{}:{}", file.string(), mark.line + 1, mark.column + 1);
+}
+
 YAML::Node parse_yaml(const std::string& text) {
     DocumentStarts starts;
     YAML::Node document;
@@ -43,6 +107,14 @@ YAML::Node parse_yaml(const std::string& text) {
     if (starts.marks.size() > 1)
         throw YAML::Exception(starts.marks[1], "a second YAML document ('---'); a file may hold one only");
     return document;
+}
+
+YAML::Node parse_yaml(const fs::path& file, const std::string& text) {
+    try {
+        return parse_yaml(text);
+    } catch (const YAML::Exception& error) {
+        throw ConfigError(fmt::format("{}: {}", place(file, error.mark), error.msg));
+    }
 }
 
 }  // namespace cale

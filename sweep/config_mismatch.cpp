@@ -6,11 +6,11 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "cale/text.h"
 #include "settings/setting_texts.h"
 #include "storage/files.h"
+#include "storage/metadata_text.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"
 #include "train/checkpoint.h"
@@ -24,20 +24,10 @@ namespace {
 /// What has been trained in a folder.
 struct Trained {
     SettingTexts settings;
-    std::int64_t steps = 0;         // agent steps of the newest checkpoint
-    std::string schedule_over_run;  // see AgentSpec
+    std::int64_t steps = 0;  // agent steps of the newest checkpoint
+    /// See AgentSpec. An older version did not record it; the program then objects on resume.
+    std::string schedule_over_run;
 };
-
-/// The program that trained the run knows what its schedules depend on. An older version did not record it;
-/// the program then objects on resume.
-std::string schedule_over_run(const fs::path& folder) {
-    std::error_code error;
-    if (!fs::exists(folder / "metadata.json", error)) return "";
-    const auto metadata = nlohmann::json::parse(read_file(folder / "metadata.json"), nullptr, false);
-    if (!metadata.is_object() || !metadata.contains("schedule_over_run")) return "";
-    const auto& schedule = metadata["schedule_over_run"];
-    return schedule.is_string() ? schedule.get<std::string>() : "";
-}
 
 /// "agent.loss was huber and is now mse"; empty where the setting does not differ, or may.
 std::string change(const std::string& key, const std::string& before, const std::string& now,
@@ -86,7 +76,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     try {
         const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),
                                             .steps = *step,
-                                            .schedule_over_run = schedule_over_run(folder)});
+                                            .schedule_over_run = metadata_text(folder, "schedule_over_run")});
         if (text.empty()) return "";
         return fmt::format(
             "trained with other settings: {}; give the sweep another --dir, or take the change back", text);
@@ -107,9 +97,13 @@ RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
     return status;
 }
 
-std::string refused_line(const PlannedRun& planned, const fs::path& folder) {
-    const auto reason = config_mismatch(planned, folder);
-    return reason.empty() ? "" : fmt::format("# refused: {}: {}\n", planned.run.name, reason);
+std::string refused_lines(std::span<const PlannedRun> runs, const fs::path& folder) {
+    std::string lines;
+    for (const auto& planned : runs) {
+        const auto reason = config_mismatch(planned, folder / planned.run.name);
+        if (!reason.empty()) lines += fmt::format("# refused: {}: {}\n", planned.run.name, reason);
+    }
+    return lines;
 }
 
 }  // namespace cale

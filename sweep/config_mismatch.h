@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 
 #include "sweep/plan.h"
@@ -17,8 +18,8 @@ namespace cale {
 /// run's config.yaml, which includes changes accepted on resume (--accept-changes).
 std::string config_mismatch(const PlannedRun& planned, const std::filesystem::path& folder);
 
-/// Returns the line "# refused: ..." with that reason; empty if there is none.
-std::string refused_line(const PlannedRun& planned, const std::filesystem::path& folder);
+/// Returns a line "# refused: ..." for each run that has such a reason. `folder` is the sweep's.
+std::string refused_lines(std::span<const PlannedRun> runs, const std::filesystem::path& folder);
 
 /// Where the planned run stands, RunPhase::refused among the answers.
 RunStatus status_of(const PlannedRun& planned, const std::filesystem::path& folder);

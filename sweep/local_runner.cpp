@@ -15,6 +15,7 @@
 #include <sys/types.h>
 
 #include "cale/fields.h"
+#include "cale/text.h"
 #include "sweep/child.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
@@ -242,11 +243,12 @@ class LocalRunner {
         if (stop_at_ == Clock::time_point::max()) {
             stop_at_ = now + (interrupts > 0 ? Clock::duration{} : kGrace);
             const bool one = active_.size() == 1;
-            console_.say(fmt::format("Stopping {} run{}, which write{} a checkpoint first.{}", active_.size(),
-                                     one ? "" : "s", one ? "s" : "",
-                                     interrupts == 0 ? ""
-                                     : one           ? " Ctrl-C again kills it."
-                                                     : " Ctrl-C again kills them."));
+            if (!active_.empty())
+                console_.say(fmt::format("Stopping {}, which write{} a checkpoint first.{}",
+                                         counted(active_.size(), "run"), one ? "s" : "",
+                                         interrupts == 0 ? ""
+                                         : one           ? " Ctrl-C again kills it."
+                                                         : " Ctrl-C again kills them."));
         }
         if (now >= stop_at_ && !std::exchange(terminated_, true)) {
             for (const Job* job : active_) {

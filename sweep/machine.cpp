@@ -20,6 +20,9 @@ std::vector<std::string> devices_of(const Machine& machine, const Sharing& shari
     for (const auto& device : sharing.devices) {
         if (device == "auto")
             throw ConfigError("--device auto stands for all devices: give no other beside it");
+        if (device == "cpu" && sharing.devices.size() > 1)
+            throw ConfigError(
+                "--device cpu: give no other beside it, as a sweep's runs share GPUs or have none");
         devices.push_back(find_device(device, gpus).str());
     }
     if (!devices.empty()) return devices;

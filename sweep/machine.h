@@ -1,7 +1,6 @@
 // How many runs a machine trains at once, and the cores and device of each.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>

@@ -52,7 +52,8 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
     const char* path = std::getenv("PATH");
     std::istringstream folders(path != nullptr ? path : "");
     for (std::string other; std::getline(folders, other, ':');) {
-        if (::access((fs::path(other) / name).c_str(), X_OK) == 0) return fs::absolute(other) / name;
+        const auto file = fs::absolute(fs::path(other) / name);
+        if (::access(file.c_str(), X_OK) == 0) return file;
     }
     const auto agents = agents_in(folder);
     const auto guess = nearest(agent, agents);
@@ -262,8 +263,7 @@ std::int64_t largest_memory(std::span<const PlannedRun> runs) {
 }
 
 std::vector<std::string> command_of(const PlannedRun& planned, const RunPlace& place, bool resume) {
-    std::vector<std::string> command = {planned.program.string()};
-    if (!planned.run.config.empty()) command.insert(command.end(), {"--config", planned.run.config.string()});
+    auto command = base_of(planned.program, planned.run);
     for (const auto& setting : planned.run.settings) command.push_back(assignment(setting));
     command.insert(command.end(), {"--run-dir", place.folder.string(), "--threads",
                                    std::to_string(place.threads), "--device", place.device, "--no-progress"});

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
 #include "report/csv.h"
@@ -252,9 +251,7 @@ void check_search(const Search& search) {
 }
 
 bool refuse_others(const Search& search, std::FILE* out) {
-    std::string refused;
-    for (const auto& planned : search.runs)
-        refused += refused_line(planned, search.folder / planned.run.name);
+    const auto refused = refused_lines(search.runs, search.folder);
     fmt::print(out, "{}", refused);
     return !refused.empty();
 }

@@ -3,7 +3,6 @@
 // Talwalkar 2016).
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>

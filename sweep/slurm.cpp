@@ -1,6 +1,5 @@
 #include "sweep/slurm.h"
 
-#include <algorithm>
 #include <cstdlib>
 #include <sstream>
 #include <stdexcept>
@@ -66,7 +65,7 @@ std::size_t largest_array() {
 
 }  // namespace
 
-std::string slurm_script(const fs::path& folder, std::span<const std::string> names, std::int64_t memory,
+std::string slurm_script(const fs::path& folder, std::span<const std::string> names,
                          const SlurmOptions& options) {
     std::string script =
         "#!/bin/bash\n# Written by cale sweep --launcher slurm: a task for each of the runs below.\n";
@@ -76,7 +75,7 @@ std::string slurm_script(const fs::path& folder, std::span<const std::string> na
                           options.at_once > 0 ? fmt::format("%{}", options.at_once) : ""));
     directive("--ntasks=1");
     directive(fmt::format("--cpus-per-task={}", options.threads));
-    directive(fmt::format("--mem={}M", (memory + (1 << 20) - 1) >> 20));
+    directive(fmt::format("--mem={}M", (options.memory + (1 << 20) - 1) >> 20));
     directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", folder.string()));
     directive("--open-mode=append");
     directive("--requeue");
@@ -131,11 +130,10 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
             "that submits jobs, or leave --launcher out to run here");
     auto index = read_index(folder);
     std::vector<std::string> lines;
-    const auto memory = options.memory > 0 ? options.memory : largest_memory(runs);
     for (const auto& part : job_arrays(runs, folder)) {
         fs::create_directories(folder / "slurm");
         const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);
-        write_file_atomically(file, slurm_script(folder, part, memory, options));
+        write_file_atomically(file, slurm_script(folder, part, options));
         const std::vector<std::string> command = {"sbatch", "--parsable", file.string()};
         const auto answer = answer_of(shell_text(command) + " 2>&1");
         if (answer.status != 0)

@@ -2,7 +2,6 @@
 // for one run: retries, resuming and locks are the same.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -18,7 +17,7 @@ struct SlurmOptions {
     std::string name{};                  // of the job
     int at_once = 0;                     // tasks of the array that may run at the same time; 0: all
     int threads = 1;                     // cores of a task
-    std::int64_t memory = 0;             // bytes of a task; 0: as the plan has it
+    std::int64_t memory = 0;             // bytes of a task
     std::vector<std::string> options{};  // further ones of sbatch, such as --time=8:00:00
     std::vector<std::string> command{};  // cale sweep FILE ..., to which --only RUN is added
 };
@@ -26,7 +25,7 @@ struct SlurmOptions {
 /// The batch script of one job array, whose task i trains the i-th of `names`. `folder` is the sweep's.
 /// Slurm's time limit and preemption end a run at a checkpoint, and put it back into the queue.
 std::string slurm_script(const std::filesystem::path& folder, std::span<const std::string> names,
-                         std::int64_t memory, const SlurmOptions& options);
+                         const SlurmOptions& options);
 
 /// Returns the states of the sweep's runs according to squeue: name and state, such as "pending". Runs
 /// outside the queue are missing; empty if there is no squeue. Throws std::runtime_error with squeue's own

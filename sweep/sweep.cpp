@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <sstream>
 #include <system_error>
 
@@ -133,7 +132,7 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
     for (const auto& planned : runs) {
         const auto place = RunPlace{
             .folder = folder / planned.run.name, .threads = options.sharing.threads, .device = device};
-        if (const auto refused = refused_line(planned, place.folder); !refused.empty()) {
+        if (const auto refused = refused_lines({&planned, 1}, folder); !refused.empty()) {
             fmt::print(out, "{}", refused);
             exit_code = kFailed;
         } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
@@ -146,13 +145,14 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
     return exit_code;
 }
 
-SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, const fs::path& folder) {
+SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, std::span<const PlannedRun> runs,
+                           const fs::path& folder) {
     const auto& sharing = options.sharing;
     SlurmOptions slurm{
         .name = sweep.name,
         .at_once = sharing.jobs,
         .threads = sharing.threads,
-        .memory = sharing.memory_per_run,
+        .memory = sharing.memory_per_run > 0 ? sharing.memory_per_run : largest_memory(runs),
         .options = options.sbatch_options,
         .command = {options.cale.string(), "sweep", fs::absolute(options.file).string(), "--dir",
                     folder.string(), "--jobs", "1", "--threads", std::to_string(sharing.threads), "--retries",
@@ -168,13 +168,11 @@ SlurmOptions slurm_options(const SweepOptions& options, const Sweep& sweep, cons
 
 int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder, const SlurmOptions& slurm,
                     const SweepOptions& options, const std::vector<std::string>& all_runs, std::FILE* out) {
-    std::string refused;
-    for (const auto& planned : runs) refused += refused_line(planned, folder / planned.run.name);
+    const auto refused = refused_lines(runs, folder);
     const int exit_code = refused.empty() ? kDone : kFailed;
     if (options.task == SweepTask::show_commands) {
-        const auto memory = slurm.memory > 0 ? slurm.memory : largest_memory(runs);
         for (const auto& names : job_arrays(runs, folder))
-            fmt::print(out, "{}", slurm_script(folder, names, memory, slurm));
+            fmt::print(out, "{}", slurm_script(folder, names, slurm));
         fmt::print(out, "{}", refused);
         return exit_code;
     }
@@ -238,7 +236,8 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     const bool compares = options.search != SearchMethod::none && options.only.empty();
     if (compares) check_search(search);
     if (options.launcher == Launcher::slurm)
-        return submit_to_slurm(runs, folder, slurm_options(options, sweep, folder), options, all_runs, out);
+        return submit_to_slurm(runs, folder, slurm_options(options, sweep, runs, folder), options, all_runs,
+                               out);
 
     auto machine = Machine::here();
     machine.gpus = options.gpus;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <map>
 #include <string_view>
-#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -14,7 +13,6 @@
 #include "cale/text.h"
 #include "settings/config.h"
 #include "settings/yaml.h"
-#include "storage/files.h"
 #include "sweep/grid.h"
 #include "sweep/settings.h"
 
@@ -56,7 +54,7 @@ class Reader {
 
     Contents read() const {
         Contents contents;
-        const auto root = parse();
+        const auto root = parse_yaml(file_, read_yaml(file_));
         check_map(root, "a sweep file has 'grid:' with the keys that vary below");
         for (const auto& item : root) {
             const auto section = word(item.first);
@@ -117,43 +115,8 @@ class Reader {
                               guess.empty() ? fmt::format("there are {}", fmt::join(known, ", "))
                                             : fmt::format("did you mean '{}'?", guess)));
     }
-    [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const { fail(node.Mark(), what); }
-    [[noreturn]] void fail(const YAML::Mark& mark, const std::string& what) const {
-        throw ConfigError(fmt::format("{}: {}", place(mark), what));
-    }
-
-    std::string place(const YAML::Mark& mark) const {
-        if (mark.is_null()) return file_.string();
-        return fmt::format("{}:{}:{}", file_.string(), mark.line + 1, mark.column + 1);
-    }
-
-    YAML::Node parse() const {
-        std::string text;
-        try {
-            text = read_file(file_);
-        } catch (const std::system_error& error) {
-            throw ConfigError(
-                fmt::format("cannot read '{}': {}{}", file_.string(), error.code().message(), others()));
-        } catch (const std::runtime_error& error) {
-            throw ConfigError(error.what());
-        }
-        try {
-            return parse_yaml(text);
-        } catch (const YAML::Exception& error) {
-            fail(error.mark, error.msg);
-        }
-    }
-
-    /// "; 'sweeps' has encoders.yaml, smoke.yaml" beside a file that is missing.
-    std::string others() const {
-        const auto folder = file_.has_parent_path() ? file_.parent_path() : fs::path(".");
-        std::vector<std::string> names;
-        std::error_code ignored;
-        for (const auto& item : fs::directory_iterator(folder, ignored)) {
-            if (item.path().extension() == ".yaml") names.push_back(item.path().filename().string());
-        }
-        std::sort(names.begin(), names.end());
-        return names.empty() ? "" : fmt::format("; '{}' has {}", folder.string(), fmt::join(names, ", "));
+    [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const {
+        throw ConfigError(fmt::format("{}: {}", place(file_, node.Mark()), what));
     }
 
     void check_map(const YAML::Node& node, const std::string& expected) const {
@@ -186,7 +149,7 @@ class Reader {
             }
             if (texts.empty()) fail(item.second, fmt::format("'{}' has no values", key));
             try {
-                axes.push_back({key, expand(key, texts), place(item.first.Mark())});
+                axes.push_back({key, expand(key, texts), place(file_, item.first.Mark())});
             } catch (const ConfigError& error) {
                 fail(item.second, error.what());
             }
@@ -239,7 +202,8 @@ class Reader {
             if (!is_setting(key)) fail(item.first, no_key(key));
             if (key == "env.game" || key == "train.seed")
                 fail(item.first, fmt::format("'{}' is not searched: it goes below 'grid:'", key));
-            SearchedSetting setting{.key = key, .values = Choices(), .place = place(item.first.Mark())};
+            SearchedSetting setting{
+                .key = key, .values = Choices(), .place = place(file_, item.first.Mark())};
             if (item.second.IsSequence()) {
                 Choices choices;
                 for (const auto& value : item.second) choices.push_back(word(value));
@@ -281,6 +245,35 @@ bool override_searched(SearchSpace& space, const std::string& key, const std::st
     return true;
 }
 
+/// In the place of the values that the key has there, else to what all runs have in common, or to what
+/// varies.
+void replace(Contents& contents, const Axis& axis) {
+    if (auto* in_grid = find(contents.grid, axis.key)) {
+        *in_grid = axis;
+        return;
+    }
+    std::vector<Grid*> others;  // variants without the key
+    for (auto& variant : contents.variants) {
+        auto* const found = find(variant, axis.key);
+        if (found == nullptr) {
+            others.push_back(&variant);
+        } else {
+            *found = axis;
+        }
+    }
+    if (axis.values.size() == 1) {
+        if (auto* common = find(contents.common, axis.key)) {
+            *common = axis;
+        } else {
+            contents.common.push_back(axis);
+        }
+    } else if (others.size() == contents.variants.size()) {
+        contents.grid.push_back(axis);
+    } else {
+        for (auto* other : others) other->push_back(axis);
+    }
+}
+
 void override_key(Contents& contents, const std::string& text) {
     const auto equals = text.find('=');
     const auto key = text.substr(0, equals);
@@ -301,31 +294,7 @@ void override_key(Contents& contents, const std::string& text) {
     if (key == "config") {
         for (auto& value : axis.values) value = fs::absolute(value).string();
     }
-
-    if (auto* in_grid = find(contents.grid, key)) {
-        *in_grid = axis;
-        return;
-    }
-    std::vector<Grid*> others;  // variants without the key
-    for (auto& variant : contents.variants) {
-        auto* const found = find(variant, key);
-        if (found == nullptr) {
-            others.push_back(&variant);
-        } else {
-            *found = axis;
-        }
-    }
-    if (axis.values.size() == 1) {
-        if (auto* common = find(contents.common, key)) {
-            *common = axis;
-        } else {
-            contents.common.push_back(axis);
-        }
-    } else if (others.size() == contents.variants.size()) {
-        contents.grid.push_back(axis);
-    } else {
-        for (auto* other : others) other->push_back(axis);
-    }
+    replace(contents, axis);
 }
 
 // ---- the runs -----------------------------------------------------------------------

@@ -104,8 +104,7 @@ NewFolder make_folder(const Options& options, const PolicyInfo& policy, const En
         throw ConfigError(
             fmt::format("--out {}: an evaluation is in there already; choose another folder", options.out));
     }
-    make_output_folder("--out", options.out);
-    return NewFolder(options.out);
+    return make_output_folder("--out", options.out);
 }
 
 /// A policy, and what it is to play.
@@ -143,9 +142,10 @@ void evaluate_policy(const Options& options, torch::Device device) {
     const NewFolder made = make_folder(options, task.policy.info(), task.plan.env);
     const fs::path& folder = made.path();
     if (options.video) task.plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);
+    std::optional<NewFolder> made_for_steps;
     if (options.step_log) {
         task.plan.step_logs = folder / "steps";
-        make_output_folder("--step-log", task.plan.step_logs);
+        made_for_steps.emplace(make_output_folder("--step-log", task.plan.step_logs));
     }
     Console console(stderr);
     EvaluationProgress progress(console, task.plan);

@@ -20,13 +20,6 @@ struct Options {
     std::string from, output, format, web;
 };
 
-/// Where cmake --install put the page beside the program, else where scripts/web builds it.
-fs::path built_page() {
-    const fs::path installed =
-        fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "share/cale/web";
-    return fs::exists(installed) ? installed : fs::path(CALE_WEB_DIR);
-}
-
 std::string description(const PolicyInfo& info) {
     const auto origin = [&](const char* name) {
         const auto found = info.provenance.find(name);
@@ -57,8 +50,8 @@ void export_file(const Options& options) {
 }
 
 void export_page(const Options& options) {
-    const auto page = built_page();
-    make_output_folder("--web", options.web);
+    const auto page = shared_path("web", CALE_WEB_DIR);
+    const auto made = make_output_folder("--web", options.web);
     const auto info = export_web_page(options.from, page, options.web);
     fmt::print(
         "{}: {}\nTo see it: python3 -m http.server --directory {}, then http://localhost:8000 and a ROM of "

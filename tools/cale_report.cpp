@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cctype>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -32,12 +31,9 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostPairs = 10;  // of groups, that the terminal shows
 
-/// A table that comes with cale: where scripts/install put it beside the program, else in the source tree
-/// that the program was built from.
-fs::path data_file(const char* name) {
-    const fs::path installed =
-        fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "share/cale/data" / name;
-    return fs::exists(installed) ? installed : fs::path(CALE_DATA_DIR) / name;
+/// A table that comes with cale.
+fs::path data_file(const fs::path& name) {
+    return shared_path("data" / name, CALE_DATA_DIR / name);
 }
 
 /// As it can be typed again.
@@ -68,10 +64,6 @@ struct Beside {
     std::vector<Run> recorded{};
 };
 
-bool holds_runs(const fs::path& csv) {
-    return read_csv_by_hand(csv).find("group").has_value();
-}
-
 bool contains(const std::vector<std::string>& names, const std::string& name) {
     return std::ranges::find(names, name) != names.end();
 }
@@ -97,8 +89,9 @@ Beside read_beside(const Options& options) {
     if (options.baselines.empty()) return beside;
     const bool shipped = options.baselines_csv.empty();
     const auto own = shipped ? data_file("cale_scores.csv") : fs::path(options.baselines_csv);
-    const bool has_groups = holds_runs(own);
-    const auto groups = has_groups ? recorded_groups(own) : std::vector<std::string>();
+    const auto table = read_csv_by_hand(own);
+    const bool has_groups = table.find("group").has_value();
+    const auto groups = has_groups ? recorded_groups(table) : std::vector<std::string>();
     std::vector<std::string> recorded, published;
     for (const auto& name : listed_names(options.baselines, groups)) {
         if (contains(groups, name)) {
@@ -116,9 +109,11 @@ Beside read_beside(const Options& options) {
         throw std::invalid_argument(
             "--baselines: recorded runs have scores of their training: leave --score evaluation out, or "
             "them");
-    if (!recorded.empty()) beside.recorded = read_recorded_runs(own, recorded);
+    if (!recorded.empty()) beside.recorded = read_recorded_runs(table, recorded);
+    if (published.empty()) return beside;
     try {
-        beside.baselines = read_baselines(shipped ? data_file("reference_scores.csv") : own, published);
+        beside.baselines =
+            read_baselines(shipped ? read_csv_by_hand(data_file("reference_scores.csv")) : table, published);
     } catch (const std::invalid_argument& error) {
         if (!shipped) throw;
         throw std::invalid_argument(
@@ -165,7 +160,7 @@ void report(Options options) {
     if (!paths.empty()) require_runs(found);
     std::ranges::move(recorded, std::back_inserter(found.runs));
     const auto folder = output_folder(options);
-    make_output_folder("--output", folder);
+    const auto made = make_output_folder("--output", folder);
     const Comparison comparison = compare(std::move(found), baselines, options.config);
     const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
     const PageOrigin origin{.command = command_line(),

@@ -9,7 +9,7 @@
 
 #include "agents/agent.h"
 #include "settings/config.h"
-#include "train/program.h"
+#include "settings/run_config.h"
 
 namespace cale {
 

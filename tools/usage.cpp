@@ -4,8 +4,10 @@
 #include <cerrno>
 #include <cstring>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 #include <unistd.h>
 
@@ -13,7 +15,6 @@
 #include <fmt/ranges.h>
 
 #include "cale/env.h"
-#include "cale/games.h"
 #include "cale/text.h"
 #include "settings/config.h"
 #include "tools/train_programs.h"
@@ -203,18 +204,25 @@ void check_roms(const EnvConfig& env) {
     }
 }
 
-void make_output_folder(std::string_view option, const fs::path& folder) {
-    std::error_code error;
-    fs::create_directories(folder, error);
-    if (!error && !fs::is_directory(folder, error)) error = std::make_error_code(std::errc::not_a_directory);
-    if (error) {
-        throw ConfigError(fmt::format("{} {}: this folder cannot be made: {}; give another", option,
-                                      folder.string(), error.message()));
+NewFolder make_output_folder(std::string_view option, const fs::path& folder) {
+    const auto refusal = [&](std::string_view what, std::string_view why) {
+        return ConfigError(fmt::format("{} {}: this folder cannot be {}: {}; give another", option,
+                                       folder.string(), what, why));
+    };
+    std::optional<NewFolder> made;
+    try {
+        made.emplace(folder);
+    } catch (const fs::filesystem_error& error) {
+        throw refusal("made", error.code().message());
     }
-    if (::access(folder.c_str(), W_OK | X_OK) != 0) {
-        throw ConfigError(fmt::format("{} {}: this folder cannot be written: {}; give another", option,
-                                      folder.string(), std::strerror(errno)));
-    }
+    if (::access(folder.c_str(), W_OK | X_OK) != 0) throw refusal("written", std::strerror(errno));
+    return std::move(*made);
+}
+
+fs::path shared_path(const fs::path& name, const fs::path& built) {
+    const auto prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
+    const auto installed = prefix / "share/cale" / name;
+    return fs::exists(installed) ? installed : built;
 }
 
 void check_output_file(std::string_view option, const fs::path& file) {

@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include "cale/env.h"
+#include "storage/new_folder.h"
 
 namespace cale {
 
@@ -48,7 +49,11 @@ void check_roms(const EnvConfig& env);
 
 /// Creates the folder that `option` names, or the command's default. Throws ConfigError with the reason if
 /// that fails.
-void make_output_folder(std::string_view option, const std::filesystem::path& folder);
+[[nodiscard]] NewFolder make_output_folder(std::string_view option, const std::filesystem::path& folder);
+
+/// Returns share/cale/`name` beside the program where cmake --install put it, else `built`, its place in the
+/// source tree or the build folder.
+std::filesystem::path shared_path(const std::filesystem::path& name, const std::filesystem::path& built);
 
 /// Throws ConfigError with the reason if the file that `option` names cannot be written. Must be called
 /// before the work whose result goes there.

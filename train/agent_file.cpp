@@ -15,6 +15,7 @@
 #include <fmt/format.h>
 
 #include "storage/files.h"
+#include "train/safetensors.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -134,13 +135,7 @@ std::string decompressed(const fs::path& file, std::string_view bytes) {
 void save_agent(const fs::path& folder, const TensorMap& state) {
     const auto file = folder / kAgentFile;
     const auto [tensors, same] = distinct(state);
-    const auto [header, stored] = [&, &tensors = tensors, &same = same] {
-        try {
-            return safetensors_pieces(tensors, same);
-        } catch (const std::invalid_argument& error) {
-            throw std::invalid_argument(fmt::format("cannot save '{}': {}", file.string(), error.what()));
-        }
-    }();
+    const auto [header, stored] = pieces_of(file, tensors, same);
     std::uint64_t bytes = header.size();
     for (const auto& tensor : stored) bytes += tensor.nbytes();
     Compression compression(bytes);

@@ -34,20 +34,20 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
 }
 
 /// Returns the path of an episodes.csv that is to be continued behind its first `offset` bytes. Throws
-/// CutFile, before anything is cut off, where a line is no episode or none ends there: the end of the run
-/// reads all.
+/// CutFile, before anything is cut off, where a line of these is no episode or none ends there: the end of
+/// the run reads all.
 const std::filesystem::path& checked_episodes(const std::filesystem::path& path,
                                               std::optional<std::int64_t> offset) {
     std::error_code error;
     const auto size = std::filesystem::file_size(path, error);
     if (!offset || error || size < static_cast<std::uintmax_t>(*offset)) return path;  // AppendFile says so
+    bool ends_in_a_line = false;
     try {
-        static_cast<void>(read_episodes(path));
+        ends_in_a_line = read_episodes(path, static_cast<std::size_t>(*offset)).cut_line.has_value();
     } catch (const std::runtime_error& damage) {
         throw CutFile(fmt::format("{}; restore it, or start a new run", damage.what()));
     }
-    std::ifstream file(path);
-    if (!file.seekg(*offset - 1) || file.get() != '\n') {
+    if (ends_in_a_line) {
         throw CutFile(
             fmt::format("{} was changed since the checkpoint was written, whose last line ended at "
                         "byte {}: restore it, or start a new run",

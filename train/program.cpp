@@ -19,6 +19,7 @@
 #include "cale/text.h"
 #include "policy/policy_info.h"
 #include "replay/available_memory.h"
+#include "report/runs.h"
 #include "settings/command_line.h"
 #include "settings/shell_text.h"
 #include "storage/append_file.h"
@@ -361,7 +362,7 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
                                {"seed", fmt::format("{}", program.settings.train.seed)}});
     if (const auto* key = "agent.min_replay"; program.table.has(key)) {
         const auto first = std::stoll(program.table.at(key).get());
-        if (steps <= first)
+        if (ends_before_first_update(static_cast<double>(first), static_cast<double>(steps)))
             facts.emplace_back(
                 "updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first)));
     }

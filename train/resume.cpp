@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string_view>
-#include <system_error>
 
 #include <fmt/format.h>
 
 #include "cale/games.h"
+#include "report/runs.h"
 #include "settings/setting_texts.h"
 #include "storage/files.h"
 #include "storage/step_name.h"
@@ -37,15 +37,13 @@ bool same_games(std::string_view a, std::string_view b) {
 
 }  // namespace
 
-std::optional<std::int64_t> checkpoint_step(const fs::path& folder) {
-    return step_in(folder.filename().native());
-}
-
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run) {
     if (key == "env.game" && same_games(before, now)) return "";
     const bool scheduled = key == "train.total_steps" && !schedule_over_run.empty();
-    if (!scheduled && std::ranges::find(kMayDifferOnResume, key) != kMayDifferOnResume.end()) return "";
+    const bool may_differ = key == "train.total_steps" || key == "eval.noop_max" ||
+                            std::ranges::find(kWithoutEffect, key) != kWithoutEffect.end();
+    if (may_differ && !scheduled) return "";
     return fmt::format("{} was {} and is now {}{}", key, before, now,
                        scheduled ? fmt::format(", which changes the schedule of {}", schedule_over_run) : "");
 }

@@ -1,7 +1,6 @@
 // Checks before a run is resumed: its progress, and which of its settings may change.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -11,28 +10,9 @@
 
 namespace cale {
 
-/// The settings that may differ on resume: the run's length (unless a schedule lasts for the whole run) and
-/// those of logging, evaluation and storage.
-inline constexpr std::array<std::string_view, 14> kMayDifferOnResume = {"train.total_steps",
-                                                                        "train.checkpoint_every",
-                                                                        "train.keep_checkpoints",
-                                                                        "train.keep_every",
-                                                                        "train.keep_best",
-                                                                        "train.save_replay",
-                                                                        "eval.every",
-                                                                        "eval.episodes",
-                                                                        "eval.noop_max",
-                                                                        "eval.video",
-                                                                        "log.every",
-                                                                        "log.tensorboard",
-                                                                        "env.rom_dir",
-                                                                        "env.env_threads"};
-
-/// Returns the step of a checkpoint: 250000 for a folder named step_000250000. None for another name.
-std::optional<std::int64_t> checkpoint_step(const std::filesystem::path& folder);
-/// Returns "agent.gamma was 0.99 and is now 0.5", or "" if the setting may differ. `schedule_over_run`: the
-/// key of the setting by which a schedule lasts for the whole run, so that its length must not change; empty:
-/// there is none.
+/// Returns "agent.gamma was 0.99 and is now 0.5", or "" if the setting may differ on resume: those of
+/// logging, evaluation and storage, and the run's length. `schedule_over_run`: the key of the setting by
+/// which a schedule lasts for the whole run, so that its length must not change; empty: there is none.
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run);
 

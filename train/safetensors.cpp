@@ -10,7 +10,6 @@
 #include "storage/files.h"
 
 namespace cale {
-namespace {
 
 SafetensorsPieces pieces_of(const std::filesystem::path& path, const TensorMap& tensors,
                             const std::map<std::string, std::string>& metadata) {
@@ -20,8 +19,6 @@ SafetensorsPieces pieces_of(const std::filesystem::path& path, const TensorMap& 
         throw std::invalid_argument(fmt::format("cannot save '{}': {}", path.string(), error.what()));
     }
 }
-
-}  // namespace
 
 void save_safetensors(const std::filesystem::path& path, const TensorMap& tensors,
                       const std::map<std::string, std::string>& metadata) {

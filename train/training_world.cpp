@@ -32,6 +32,22 @@ PolicyInfo policy_info(const EnvConfig& env) {
     return info;
 }
 
+/// What the head of a run's output says of the game.
+std::vector<std::pair<std::string, std::string>> facts_of(const EnvConfig& env, const ActionSpace& actions) {
+    const auto joystick = coordinates(env);
+    const auto chosen_by =
+        joystick == Joystick::polar ? std::string() : fmt::format(" ({})", name_of(joystick));
+    std::vector<std::pair<std::string, std::string>> lines{
+        {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
+                                 env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
+        {"actions", env.action_space == ActionSet::continuous
+                        ? fmt::format("continuous{}, threshold {}", chosen_by, env.threshold)
+                        : fmt::format("{} joystick events", num_actions(actions))}};
+    if (is_variant(env)) lines.emplace_back("game", variant_name(env));
+    if (const auto stick = changed_settings(env.motion); !stick.empty()) lines.emplace_back("stick", stick);
+    return lines;
+}
+
 }  // namespace
 
 TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
@@ -47,21 +63,6 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
         plan.env = env;
         plan.env.noop_max = noop_max;
         return evaluate(decide, plan);
-    };
-    const auto facts = [env](const ActionSpace& actions) {
-        const auto joystick = coordinates(env);
-        const auto chosen_by =
-            joystick == Joystick::polar ? std::string() : fmt::format(" ({})", name_of(joystick));
-        std::vector<std::pair<std::string, std::string>> lines{
-            {"protocol", fmt::format("sticky {}, life loss {}", env.sticky_probability,
-                                     env.terminal_on_life_loss ? "ends an episode" : "does not matter")},
-            {"actions", env.action_space == ActionSet::continuous
-                            ? fmt::format("continuous{}, threshold {}", chosen_by, env.threshold)
-                            : fmt::format("{} joystick events", num_actions(actions))}};
-        if (is_variant(env)) lines.emplace_back("game", variant_name(env));
-        if (const auto stick = changed_settings(env.motion); !stick.empty())
-            lines.emplace_back("stick", stick);
-        return lines;
     };
     return {.id = fmt::format("ALE/{}-v5", game_names(env.game)),
             .name = variant_name(env),
@@ -82,7 +83,7 @@ TrainingWorld training_world(const EnvConfig& env, const EvalConfig& eval) {
             .random_score = random_floor(env),
             .human_score =
                 all_games.size() == 1 && !is_variant(env) ? all_games.front()->human_score : std::nullopt,
-            .facts = facts};
+            .facts = [env](const ActionSpace& actions) { return facts_of(env, actions); }};
 }
 
 }  // namespace cale

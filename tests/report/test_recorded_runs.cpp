@@ -39,8 +39,9 @@ class Recorded : public testing::Test {
         folders_.run("runs/c", "der", "Pong", 1, {1, 1, 1, 1, 1, 1, 1, 1, 1, 1}, kRules);
     }
     FoundRuns found() const { return find_runs({folders_.path() / "runs"}, ScoreKind::training); }
-    std::filesystem::path table(ComparisonConfig config = kQuick) const {
-        return folders_.write("run_curves.csv", recorded_runs_csv(compare(found(), {}, config)));
+    CsvTable table(ComparisonConfig config = kQuick) const {
+        return read_whole_csv(
+            folders_.write("run_curves.csv", recorded_runs_csv(compare(found(), {}, config))));
     }
     std::string error_of(const std::function<void()>& work) const {
         try {
@@ -77,7 +78,7 @@ TEST_F(Recorded, ARunUnderWayIsRecordedAsFarAsItGot) {
     EXPECT_THAT(text, HasSubstr("\ndqn,1,dqn,Pong,1,300,2.5,2000,"));
     EXPECT_THAT(text, testing::Not(HasSubstr("dqn,1,dqn,Pong,1,400")));
     FoundRuns again;
-    again.runs = read_recorded_runs(folders_.write("unfinished.csv", text), {"dqn"});
+    again.runs = read_recorded_runs(read_whole_csv(folders_.write("unfinished.csv", text)), {"dqn"});
     const auto comparison = compare(std::move(again), {}, kQuick);
     EXPECT_TRUE(comparison.is_complete()) << "it is no run of the user's";
     EXPECT_THAT(comparison.notes.front().items.front(),
@@ -97,8 +98,8 @@ TEST_F(Recorded, RunsThatDifferInSettingsAloneAreTwo) {
 TEST_F(Recorded, RulesThatForbidAComparisonAreKept) {
     folders_.run("runs/f", "sac", "Boxing", 1, {1}, "env: {action_space: continuous, difficulty: 1}\n");
     FoundRuns again;
-    const auto csv = table();
-    again.runs = read_recorded_runs(csv, recorded_groups(csv));
+    const auto recorded = table();
+    again.runs = read_recorded_runs(recorded, recorded_groups(recorded));
     const auto comparison = compare(std::move(again), {}, kQuick);
     ASSERT_THAT(comparison.left_out_games, testing::SizeIs(testing::Ge(1U)));
     EXPECT_EQ(comparison.left_out_games.front().what, "Boxing");
@@ -109,14 +110,14 @@ TEST_F(Recorded, ARunOfAFewStepsIsReadAgain) {
     folders_.run("few/a", "sac", "Pong", 1, {1}, "train: {total_steps: 3}\n");
     const auto text =
         recorded_runs_csv(compare(find_runs({folders_.path() / "few"}, ScoreKind::training), {}, kQuick));
-    EXPECT_EQ(read_recorded_runs(folders_.write("few.csv", text), {"sac"}).size(), 1U);
+    EXPECT_EQ(read_recorded_runs(read_whole_csv(folders_.write("few.csv", text)), {"sac"}).size(), 1U);
 }
 
 TEST_F(Recorded, ComparesAsTheRunsDid) {
-    const auto csv = table();
-    EXPECT_THAT(recorded_groups(csv), ElementsAre("der", "sac"));
+    const auto recorded = table();
+    EXPECT_THAT(recorded_groups(recorded), ElementsAre("der", "sac"));
     FoundRuns again;
-    again.runs = read_recorded_runs(csv, {"sac", "der"});
+    again.runs = read_recorded_runs(recorded, {"sac", "der"});
     const auto here = compare(std::move(again), {}, kQuick), there = compare(found(), {}, kQuick);
     ASSERT_THAT(labels_of(here), ElementsAre("der", "sac"));
     for (std::size_t i = 0; i < 2; ++i) {
@@ -132,12 +133,12 @@ TEST_F(Recorded, ComparesAsTheRunsDid) {
 }
 
 TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {
-    const auto csv = table();
+    const auto recorded = table();
     const test::RunFolders mine("recorded-mine");
     mine.run("x", "sac", "Pong", 1, {20}, kRules);
     const auto beside = [&](const std::vector<std::string>& groups) {
         auto runs = find_runs({mine.path()}, ScoreKind::training);
-        std::ranges::move(read_recorded_runs(csv, groups), std::back_inserter(runs.runs));
+        std::ranges::move(read_recorded_runs(recorded, groups), std::back_inserter(runs.runs));
         auto config = kQuick;
         config.names = {{"sac", "mine"}};
         return compare(std::move(runs), {}, config);
@@ -161,9 +162,9 @@ TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {
 TEST_F(Recorded, GroupsCanBeGivenNames) {
     auto config = kQuick;
     config.names = {{"sac", "Soft, Actor \"Critic\""}};
-    const auto csv = table(config);
-    EXPECT_THAT(recorded_groups(csv), ElementsAre("Soft, Actor \"Critic\"", "der"));
-    EXPECT_EQ(read_recorded_runs(csv, {"Soft, Actor \"Critic\""}).size(), 2U);
+    const auto recorded = table(config);
+    EXPECT_THAT(recorded_groups(recorded), ElementsAre("Soft, Actor \"Critic\"", "der"));
+    EXPECT_EQ(read_recorded_runs(recorded, {"Soft, Actor \"Critic\""}).size(), 2U);
     config.names = {{"sac", "#1"}};
     EXPECT_THAT(recorded_groups(table(config)), ElementsAre("#1", "der"));
     config.names = {{"ppo", "PPO"}};
@@ -199,7 +200,7 @@ TEST_F(Recorded, BaselinesCanBeGivenNamesThatNoGroupHas) {
 TEST_F(Recorded, SaysWhatIsWrongWithATable) {
     const auto read = [&](const std::string& text) {
         const auto csv = folders_.write("bad.csv", text);
-        return error_of([&] { read_recorded_runs(csv, {"a"}); });
+        return error_of([&] { read_recorded_runs(read_csv_by_hand(csv), {"a"}); });
     };
     const std::string header = "group,run,agent,game,seed,step,score,total_steps\n";
     EXPECT_THAT(read("game,random\n"),
@@ -208,7 +209,8 @@ TEST_F(Recorded, SaysWhatIsWrongWithATable) {
     EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,90\na,1,sac,Pong,1,10,2,90\n"),
                 HasSubstr("bad.csv:3: the steps of a run"));
     EXPECT_THAT(read(header + "a,1,sac,Pnog,1,20,2,90\n"), HasSubstr("there is no game 'Pnog'"));
-    EXPECT_THAT(read(header + "a,1,sac,Pong,1,20"), HasSubstr("in the middle of line 2"));
+    EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,9"), HasSubstr("in the middle of line 2"));
+    EXPECT_THAT(read(header + "a,1,sac,Pong,1,20"), HasSubstr("line 2 is 'a,1,sac,Pong,1,20'"));
 }
 
 }  // namespace

@@ -96,6 +96,10 @@ TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
     EXPECT_THAT(mistake(1, "cuda:99999999999"), testing::HasSubstr("this machine has 1, counted from 0"));
     EXPECT_EQ(mistake(1, "auto"), "--device auto stands for all devices: give no other beside it");
     EXPECT_EQ(mistake(1, "cuda"), "no error");
+    EXPECT_EQ(test::error_of<ConfigError>([] {
+                  share(kFourCores, {.devices = {"cpu", "cuda:0"}}, runs_of(1));
+              }),
+              "--device cpu: give no other beside it, as a sweep's runs share GPUs or have none");
     EXPECT_EQ(mistake(2, "cuda:1"), "no error");
 }
 

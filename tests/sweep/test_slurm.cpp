@@ -65,9 +65,10 @@ TEST_F(Slurm, TheScriptIsAnArrayWithATaskForEachRun) {
     auto wanted = options();
     wanted.at_once = 8;
     wanted.threads = 2;
+    wanted.memory = 3'000'000'000;
     wanted.options = {"--time=8:00:00", "--partition=gpu"};
     const std::vector<std::string> names = {"Pong__sac__1", "Pong__sac__2"};
-    const auto script = slurm_script("/my sweep", names, 3'000'000'000, wanted);
+    const auto script = slurm_script("/my sweep", names, wanted);
     for (const auto* line :
          {"#!/bin/bash\n", "\n#SBATCH --job-name=\"mine\"\n", "\n#SBATCH --array=0-1%8\n",
           "\n#SBATCH --cpus-per-task=2\n", "\n#SBATCH --mem=2862M\n",
@@ -89,7 +90,7 @@ class SlurmScript : public Slurm {
                            "for i in {1..500}; do sleep 0.02; done\n"
                            "exit 7\n");
         const std::vector<std::string> names = {"Pong__sac__1", "Pong__sac__2"};
-        const auto script = fake_.write("script", slurm_script(fake_.path(), names, 1, options()));
+        const auto script = fake_.write("script", slurm_script(fake_.path(), names, options()));
         const pid_t task = ::fork();
         if (task == 0) {
             ::setenv("SLURM_ARRAY_TASK_ID", "1", 1);

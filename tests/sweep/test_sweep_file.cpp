@@ -302,6 +302,9 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake(small_, {"env.game=pong,pnog"}), HasSubstr("env.game=pong,pnog: "));
     EXPECT_THAT(test::error_of<ConfigError>([&] { read_sweep(folder_ / "none.yaml"); }),
                 HasSubstr("none.yaml': No such file or directory; "));
+    folder_.write("encoders.yaml", "");
+    EXPECT_THAT(test::error_of<ConfigError>([&] { read_sweep(folder_ / "encoder.yaml"); }),
+                HasSubstr("did you mean '" + (folder_ / "encoders.yaml").string() + "'?"));
 }
 
 }  // namespace

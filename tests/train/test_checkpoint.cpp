@@ -16,11 +16,11 @@
 
 #include "replay/replay_buffer.h"
 #include "storage/files.h"
+#include "storage/step_name.h"
 #include "support/full_disk.h"
 #include "support/temporary_folder.h"
 #include "train/agent_file.h"
 #include "train/checkpoint_writer.h"
-#include "train/resume.h"
 #include "train/safetensors.h"
 
 namespace cale {
@@ -89,7 +89,7 @@ class Checkpoints : public testing::Test {
     std::vector<std::int64_t> steps_left() const {
         std::vector<std::int64_t> steps;
         for (const auto& folder : list_checkpoints(run))
-            steps.push_back(checkpoint_step(folder).value_or(-1));
+            steps.push_back(step_in(folder.filename().native()).value_or(-1));
         return steps;
     }
     Checkpoint load() {

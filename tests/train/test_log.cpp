@@ -152,6 +152,9 @@ TEST_F(Log, RefusesToContinueAFileThatWasChanged) {
     const auto row = whole.find("\n-20,100,") + 1;
     EXPECT_THAT(refusal_of(row, 3, "-xy"), HasSubstr("episodes.csv is damaged: line 3 is '-xy,100,"));
     EXPECT_THAT(refusal_of(row, 3, "-200"), HasSubstr("episodes.csv was changed since the checkpoint was "));
+    write_file_atomically(folder_ / "episodes.csv", whole + "no episode\n");
+    { EpisodeLog(folder_ / "episodes.csv", kRun, offset); }
+    EXPECT_EQ(text("episodes.csv"), whole) << "what is cut off may be anything";
 }
 
 TEST_F(Log, NamesTheFileAndTheReasonWhenItCannotWrite) {
