@@ -113,30 +113,15 @@ StepCurve mean_returns(const EpisodeHistory& episodes, double window, double end
 
 namespace {
 
-struct ReturnRange {
-    double low = 0, high = 1;
-
-    /// Whether a score can be shown beside this without pressing it together.
-    bool is_near(double score) const {
-        const double span = high - low;
-        return score > high - 3 * span && score < low + 3 * span;
-    }
-};
-
-/// Where steps and returns lie in the picture.
-struct Axes {
-    ReturnRange returns;
-    double last_step, right;
-
-    double x(double step) const { return kLeft + step / last_step * (right - kLeft); }
-    double y(double value) const {
-        return kBottom - (value - returns.low) / (returns.high - returns.low) * (kBottom - kTop);
-    }
-};
+/// Whether a score can be shown beside these returns without pressing them together.
+bool is_near(const Interval& returns, double score) {
+    const double span = returns.high - returns.low;
+    return score > returns.high - 3 * span && score < returns.low + 3 * span;
+}
 
 /// The least and the greatest; one to either side where all are equal; 0 to 1 of none.
-ReturnRange range_of(const std::vector<double>& returns) {
-    ReturnRange range;
+Interval range_of(const std::vector<double>& returns) {
+    Interval range;
     if (!returns.empty()) {
         const auto [lowest, highest] = std::minmax_element(returns.begin(), returns.end());
         range = {*lowest, *highest};
@@ -146,10 +131,10 @@ ReturnRange range_of(const std::vector<double>& returns) {
 }
 
 /// The returns, the references that are near them, and a margin.
-ReturnRange shown_range(const ReturnRange& returns, const std::vector<ReferenceScore>& references) {
-    ReturnRange shown = returns;
+Interval shown_range(const Interval& returns, const std::vector<ReferenceScore>& references) {
+    Interval shown = returns;
     for (const auto& reference : references) {
-        if (!returns.is_near(reference.score)) continue;
+        if (!is_near(returns, reference.score)) continue;
         shown.low = std::min(shown.low, reference.score);
         shown.high = std::max(shown.high, reference.score);
     }
@@ -157,28 +142,10 @@ ReturnRange shown_range(const ReturnRange& returns, const std::vector<ReferenceS
     return {shown.low - margin, shown.high + margin};
 }
 
-void draw_axes(Picture& picture, const Axes& axes) {
-    const auto rows = nice_ticks(axes.returns.low, axes.returns.high, 6);
-    const auto row_texts = tick_texts(rows);
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-        const double height = axes.y(rows[i]);
-        picture.lines.push_back({{{kLeft, height}, {axes.right, height}}, kGrid, 1});
-        picture.words.push_back({row_texts[i], {kLeft - 8, height + 4}, kFaintInk, 12, Anchor::end});
-    }
-    const auto columns = nice_ticks(0, axes.last_step, 6);
-    const auto column_texts = tick_texts(columns);
-    for (std::size_t i = 0; i < columns.size(); ++i) {
-        const double place = axes.x(columns[i]);
-        picture.lines.push_back({{{place, kBottom}, {place, kBottom + 5}}, kFaintInk, 1});
-        picture.words.push_back({column_texts[i], {place, kBottom + 19}, kFaintInk, 12, Anchor::middle});
-    }
-    picture.lines.push_back({{{kLeft, kBottom}, {axes.right, kBottom}}, kFaintInk, 1});
-}
-
-void draw_returns(Picture& picture, const Axes& axes, const EpisodeHistory& episodes, std::size_t window) {
+void draw_returns(Picture& picture, const Panel& panel, const EpisodeHistory& episodes, std::size_t window) {
     if (episodes.returns.empty()) {
         picture.words.push_back({"no episode has ended yet",
-                                 {(kLeft + axes.right) / 2, (kTop + kBottom) / 2},
+                                 {(kLeft + panel.right) / 2, (kTop + kBottom) / 2},
                                  kFaintInk,
                                  15,
                                  Anchor::middle});
@@ -187,32 +154,32 @@ void draw_returns(Picture& picture, const Axes& axes, const EpisodeHistory& epis
     const auto averages = moving_average(episodes.returns, window);
     std::vector<Point> thin, bold;
     for (std::size_t i = 0; i < averages.size(); ++i) {
-        thin.push_back({axes.x(episodes.steps[i]), axes.y(episodes.returns[i])});
-        bold.push_back({axes.x(episodes.steps[i]), axes.y(averages[i])});
+        thin.push_back({panel.to_x(episodes.steps[i]), panel.to_y(episodes.returns[i])});
+        bold.push_back({panel.to_x(episodes.steps[i]), panel.to_y(averages[i])});
     }
     picture.lines.push_back({thinned(thin), kThin, 0.8});
     picture.lines.push_back({thinned(bold), kBold, 2.4});
 }
 
 /// Their words stand to the right of the curve, one below the other where they would overlap.
-void draw_references(Picture& picture, const Axes& axes, const ReturnRange& returns,
+void draw_references(Picture& picture, const Panel& panel, const Interval& returns,
                      std::vector<ReferenceScore> references) {
     std::sort(references.begin(), references.end(),
               [](const auto& a, const auto& b) { return a.score > b.score; });
     double lowest_free = kTop - 20;
     for (const auto& reference : references) {
-        const double height = std::clamp(axes.y(reference.score), kTop, kBottom);
+        const double height = std::clamp(panel.to_y(reference.score), kTop, kBottom);
         const double baseline = std::max(height + 4, lowest_free);
         lowest_free = baseline + 15;
         // One decimal, as scores are published.
         const double shown = std::round(10 * reference.score) / 10 + 0.0;
         picture.words.push_back(
-            {fmt::format("{} {:g}", reference.label, shown), {axes.right + 8, baseline}, kReference, 12});
-        if (returns.is_near(reference.score)) {
-            picture.lines.push_back({{{kLeft, height}, {axes.right, height}}, kReference, 1.2, true});
+            {fmt::format("{} {:g}", reference.label, shown), {panel.right + 8, baseline}, kReference, 12});
+        if (is_near(returns, reference.score)) {
+            picture.lines.push_back({{{kLeft, height}, {panel.right, height}}, kReference, 1.2, true});
         } else {
-            picture.words.push_back({reference.score > axes.returns.high ? "(far above)" : "(far below)",
-                                     {axes.right + 8, baseline + 15},
+            picture.words.push_back({reference.score > panel.y.high ? "(far above)" : "(far below)",
+                                     {panel.right + 8, baseline + 15},
                                      kReference,
                                      12});
             lowest_free += 15;
@@ -227,18 +194,21 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     const auto count = episodes.returns.size();
     const auto window = std::clamp<std::size_t>(count / 10, 1, 100);
     const auto returns = range_of(episodes.returns);
-    const Axes axes{.returns = shown_range(returns, references),
-                    .last_step = count > 0 ? std::max(1.0, episodes.steps.back()) : 1,
-                    .right = references.empty() ? kRightEdge : kRightEdge - kRoomForReferences};
+    const Panel panel{.left = kLeft,
+                      .top = kTop,
+                      .right = references.empty() ? kRightEdge : kRightEdge - kRoomForReferences,
+                      .bottom = kBottom,
+                      .x = {0, count > 0 ? std::max(1.0, episodes.steps.back()) : 1},
+                      .y = shown_range(returns, references)};
 
     Picture picture{.width = 800, .height = 450, .title = title};
-    draw_axes(picture, axes);
-    draw_returns(picture, axes, episodes, window);
-    draw_references(picture, axes, returns, references);
+    draw_axes(picture, panel, 6, 6);
+    draw_returns(picture, panel, episodes, window);
+    draw_references(picture, panel, returns, references);
 
     picture.words.push_back({title, {kLeft, 30}, kInk, 18, Anchor::start, true});
     picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
-    picture.words.push_back({"agent steps", {axes.right, kBottom + 40}, kInk, 13, Anchor::end});
+    picture.words.push_back({"agent steps", {panel.right, kBottom + 40}, kInk, 13, Anchor::end});
     if (count > 0) {
         picture.words.push_back(
             {"mean of " + counted(window, "episode"), {kRightEdge, 30}, kBold, 13, Anchor::end, true});
