@@ -18,7 +18,8 @@ struct Baseline {
 
 /// The columns called `names` of a table with a row per game, whose column `game` names it.
 /// Throws std::invalid_argument for a name that is no column, naming the nearest, and
-/// std::runtime_error for a table without that column, or with a game twice.
+/// std::runtime_error for a table without the column `game`, with a game twice, or where a score is no
+/// number.
 std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names);
 
 }  // namespace cale

@@ -110,13 +110,15 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
 }  // namespace
 
 CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes) {
-    return table_of(path, text_of(path).substr(0, bytes), /*with_empty_lines=*/true);
+    auto text = text_of(path);
+    text.resize(std::min(bytes, text.size()));
+    return table_of(path, text, /*with_empty_lines=*/true);
 }
 
 CsvTable read_csv_by_hand(const std::filesystem::path& path) {
     const auto text = text_of(path);
     auto table = table_of(path, text + '\n', /*with_empty_lines=*/false);
-    if (!text.ends_with('\n')) table.cut_line = table.lines.empty() ? 1 : table.lines.back();
+    if (!text.ends_with('\n')) table.cut_line = 1 + static_cast<std::size_t>(std::ranges::count(text, '\n'));
     return table;
 }
 

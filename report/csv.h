@@ -17,7 +17,8 @@ struct CsvTable {
     std::vector<std::string> columns{};
     std::vector<std::vector<std::string>> rows{};  // each as long as `columns`
     std::vector<std::size_t> lines{};              // of the file, by row, from 1
-    std::optional<std::size_t> cut_line{};         // in whose middle the file ends; it is no row
+    std::optional<std::size_t> cut_line{};         // in whose middle the file ends; no row, but for
+                                                   // read_csv_by_hand()
 
     std::optional<std::size_t> find(std::string_view column) const;
     /// Throws std::runtime_error that names the file and the line where the cell is no finite number.

@@ -148,8 +148,7 @@ Progress progress_of(const fs::path& folder) {
         const auto column = table.find("global_step");
         if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
     }
-    if (const auto step = step_in(progress.checkpoint.filename().native()))
-        add(static_cast<double>(*step), progress.checkpoint);
+    if (const auto step = step_in(progress.checkpoint)) add(static_cast<double>(*step), progress.checkpoint);
     return progress;
 }
 
@@ -200,7 +199,7 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
         throw std::runtime_error(fmt::format(
             "{} is cut: its last game ended at agent step {:.0f}, no game takes more than {:.0f}, and {}",
             path.string(), last, *longest, end));
-    const auto saved = step_in(checkpoint.filename().native());
+    const auto saved = step_in(checkpoint);
     const bool is_whole = had > 0 && saved && static_cast<double>(*saved) >= progress.step;
     if (!is_whole && last <= progress.step - iteration_of(run, episodes))
         run.doubts.push_back(
@@ -251,7 +250,7 @@ Evaluations evaluations_of(const fs::path& run) {
     for (const auto& folder : folders) {
         const auto files = named_by_step(folder, ".csv");
         if (files.empty()) continue;
-        const auto step = step_in(files.back().stem().native());
+        const auto step = step_in(files.back(), ".csv");
         if (step < best_step) continue;
         const auto protocol = read_protocol(folder / "protocol.json");
         if (!protocol || (step == best_step && protocol->games <= best.protocol.games)) continue;
@@ -275,7 +274,7 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
             throw std::runtime_error(path.string() + " is damaged: it has no column 'return' or no row");
         double sum = 0;
         for (std::size_t row = 0; row < table.rows.size(); ++row) sum += table.score(row, *column);
-        run.steps.push_back(static_cast<double>(*step_in(path.stem().native())));
+        run.steps.push_back(static_cast<double>(*step_in(path, ".csv")));
         run.scores.push_back(sum / static_cast<double>(table.rows.size()));
         run.games_in_score = static_cast<std::int64_t>(table.rows.size());
     }

@@ -72,7 +72,8 @@ struct LeftOut {
 /// The file in which a sweep lists its runs, each a line with the name of a subfolder.
 inline constexpr std::string_view kSweepList = "sweep_runs.txt";
 
-/// No result depends on these settings.
+/// No result depends on these settings: the groups of a report do not differ by them, and they may differ on
+/// resume (train/resume.h).
 inline constexpr std::array<std::string_view, 12> kWithoutEffect{"env.rom_dir",
                                                                  "env.env_threads",
                                                                  "train.checkpoint_every",

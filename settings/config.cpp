@@ -110,7 +110,7 @@ class YamlReader {
 
     [[noreturn]] static void fail(const std::filesystem::path& file, const YAML::Node& node,
                                   const std::string& what) {
-        throw ConfigError(fmt::format("{}: {}", place(file, node.Mark()), what));
+        fail_at(file, node.Mark(), what);
     }
     static const std::string& scalar(const std::filesystem::path& file, const YAML::Node& key) {
         if (!key.IsScalar()) fail(file, key, "a key must be a word");

@@ -91,6 +91,10 @@ std::string place(const fs::path& file, const YAML::Mark& mark) {
     return fmt::format("{}:{}:{}", file.string(), mark.line + 1, mark.column + 1);
 }
 
+void fail_at(const fs::path& file, const YAML::Mark& mark, std::string_view what) {
+    throw ConfigError(fmt::format("{}: {}", place(file, mark), what));
+}
+
 YAML::Node parse_yaml(const std::string& text) {
     DocumentStarts starts;
     YAML::Node document;
@@ -113,7 +117,7 @@ YAML::Node parse_yaml(const fs::path& file, const std::string& text) {
     try {
         return parse_yaml(text);
     } catch (const YAML::Exception& error) {
-        throw ConfigError(fmt::format("{}: {}", place(file, error.mark), error.msg));
+        fail_at(file, error.mark, error.msg);
     }
 }
 

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include <yaml-cpp/yaml.h>
 
@@ -14,6 +15,9 @@ std::string read_yaml(const std::filesystem::path& file);
 
 /// Returns "file:line:column", or the file alone for a mark without a place.
 std::string place(const std::filesystem::path& file, const YAML::Mark& mark);
+
+/// Throws ConfigError: "file:line:column: what".
+[[noreturn]] void fail_at(const std::filesystem::path& file, const YAML::Mark& mark, std::string_view what);
 
 /// Returns the one document of a text. Throws YAML::Exception with the place and a sentence in `msg`, where
 /// the text is no YAML or has a second document.

@@ -7,7 +7,7 @@
 namespace cale {
 
 /// Returns the text under `key` in the run's metadata.json; empty where there is none, or the file is
-/// damaged.
+/// damaged. Throws std::system_error where it cannot be read.
 std::string metadata_text(const std::filesystem::path& run_dir, const char* key);
 
 }  // namespace cale

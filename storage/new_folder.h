@@ -1,4 +1,4 @@
-// Creating the folder of a run.
+// A new folder for results.
 #pragma once
 
 #include <filesystem>

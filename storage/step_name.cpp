@@ -13,8 +13,10 @@ std::string step_name(std::int64_t step) {
     return fmt::format("step_{:09}", step);
 }
 
-std::optional<std::int64_t> step_in(std::string_view name, std::string_view ending) {
+std::optional<std::int64_t> step_in(const std::filesystem::path& path, std::string_view ending) {
     constexpr std::string_view kBeginning = "step_";
+    const auto file = path.filename();
+    std::string_view name = file.native();
     if (!name.starts_with(kBeginning) || !name.ends_with(ending)) return std::nullopt;
     name.remove_prefix(kBeginning.size());
     if (name.size() < ending.size()) return std::nullopt;
@@ -27,7 +29,7 @@ std::vector<std::filesystem::path> named_by_step(const std::filesystem::path& fo
                                                  std::string_view ending) {
     std::vector<std::filesystem::path> found;
     if (!std::filesystem::is_directory(folder)) return found;
-    const auto step = [&](const auto& path) { return step_in(path.filename().native(), ending); };
+    const auto step = [&](const auto& path) { return step_in(path, ending); };
     for (const auto& entry : std::filesystem::directory_iterator(folder))
         if (step(entry.path())) found.push_back(entry.path());
     std::ranges::sort(found, {}, step);
@@ -38,7 +40,7 @@ std::optional<std::int64_t> newest_step(const std::filesystem::path& folder, std
     std::optional<std::int64_t> newest;
     std::error_code ignored;
     for (const auto& item : std::filesystem::directory_iterator(folder, ignored))
-        newest = std::max(newest, step_in(item.path().filename().native(), ending));
+        newest = std::max(newest, step_in(item.path(), ending));
     return newest;
 }
 

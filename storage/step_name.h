@@ -13,8 +13,9 @@ namespace cale {
 /// Returns "step_000250000".
 std::string step_name(std::int64_t step);
 
-/// Returns 250000 for "step_000250000`ending`", however many digits there are. None for another name.
-std::optional<std::int64_t> step_in(std::string_view name, std::string_view ending = "");
+/// Returns 250000 for a path whose last part is "step_000250000`ending`", however many digits there are. None
+/// for another name.
+std::optional<std::int64_t> step_in(const std::filesystem::path& path, std::string_view ending = "");
 
 /// Returns what the folder holds under such names, oldest first; nothing if there is no folder.
 std::vector<std::filesystem::path> named_by_step(const std::filesystem::path& folder,

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <exception>
-#include <system_error>
 #include <utility>
 
 #include <fmt/format.h>
@@ -82,8 +81,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
             "trained with other settings: {}; give the sweep another --dir, or take the change back", text);
     } catch (const std::exception& error) {
         return fmt::format(
-            "its config.yaml does not say what it was trained with ({}); put it back, or remove the run's "
-            "folder",
+            "its files do not say what it was trained with ({}); put that back, or remove the run's folder",
             error.what());
     }
 }

@@ -14,15 +14,11 @@ namespace cale {
 namespace {
 
 std::vector<std::string> devices_of(const Machine& machine, const Sharing& sharing) {
+    check_devices(sharing.devices);
     std::vector<std::string> devices;
     const auto gpus = static_cast<std::uint64_t>(machine.gpus);
     // A GPU that is not there would fail every run, one after the other.
     for (const auto& device : sharing.devices) {
-        if (device == "auto")
-            throw ConfigError("--device auto stands for all devices: give no other beside it");
-        if (device == "cpu" && sharing.devices.size() > 1)
-            throw ConfigError(
-                "--device cpu: give no other beside it, as a sweep's runs share GPUs or have none");
         devices.push_back(find_device(device, gpus).str());
     }
     if (!devices.empty()) return devices;
@@ -48,6 +44,16 @@ Machine Machine::here() {
         }
     }
     return machine;
+}
+
+void check_devices(std::span<const std::string> devices) {
+    for (const auto& device : devices) {
+        if (device == "auto")
+            throw ConfigError("--device auto stands for all devices: give no other beside it");
+        if (device == "cpu" && devices.size() > 1)
+            throw ConfigError(
+                "--device cpu: give no other beside it, as a sweep's runs share GPUs or have none");
+    }
 }
 
 Slots share(const Machine& machine, const Sharing& sharing, std::span<const PlannedRun> runs) {

@@ -39,9 +39,13 @@ struct Slots {
     std::string reason;  // why that many: "2 cores, 1 thread a run"
 };
 
+/// Throws ConfigError where auto, or cpu beside another one, is among the devices.
+void check_devices(std::span<const std::string> devices);
+
 /// As many places as cores, memory and GPUs allow, one at least, and no more than there are runs; or as many
 /// as `sharing.jobs`. Runs on one GPU after the other, so that a few runs are spread over all of them.
-/// Throws ConfigError for a device that find_device does not know, and for a GPU that is not there.
+/// Throws as check_devices() does, and ConfigError for a device that find_device does not know or a GPU that
+/// is not there.
 Slots share(const Machine& machine, const Sharing& sharing, std::span<const PlannedRun> runs);
 
 }  // namespace cale

@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 #include <set>
-#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
@@ -50,8 +49,8 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
     const auto name = "train_" + agent;
     if (::access((folder / name).c_str(), X_OK) == 0) return folder / name;
     const char* path = std::getenv("PATH");
-    std::istringstream folders(path != nullptr ? path : "");
-    for (std::string other; std::getline(folders, other, ':');) {
+    // An empty part, at its end too, is the working folder.
+    for (const auto& other : path != nullptr ? split(path, ':') : std::vector<std::string>()) {
         const auto file = fs::absolute(fs::path(other) / name);
         if (::access(file.c_str(), X_OK) == 0) return file;
     }

@@ -17,7 +17,7 @@ struct SlurmOptions {
     std::string name{};                  // of the job
     int at_once = 0;                     // tasks of the array that may run at the same time; 0: all
     int threads = 1;                     // cores of a task
-    std::int64_t memory = 0;             // bytes of a task
+    std::int64_t memory = 1;             // bytes of a task
     std::vector<std::string> options{};  // further ones of sbatch, such as --time=8:00:00
     std::vector<std::string> command{};  // cale sweep FILE ..., to which --only RUN is added
 };

@@ -223,6 +223,7 @@ void check_method(const SweepOptions& options, const Sweep& sweep) {
 }  // namespace
 
 int run_sweep(const SweepOptions& options, std::FILE* out) {
+    check_devices(options.sharing.devices);
     auto sweep = read_sweep(options.file, options.overrides);
     std::vector<std::string> all_runs;
     for (const auto& run : sweep.runs) all_runs.push_back(run.name);

@@ -116,7 +116,7 @@ class Reader {
                                             : fmt::format("did you mean '{}'?", guess)));
     }
     [[noreturn]] void fail(const YAML::Node& node, const std::string& what) const {
-        throw ConfigError(fmt::format("{}: {}", place(file_, node.Mark()), what));
+        fail_at(file_, node.Mark(), what);
     }
 
     void check_map(const YAML::Node& node, const std::string& expected) const {
@@ -245,9 +245,9 @@ bool override_searched(SearchSpace& space, const std::string& key, const std::st
     return true;
 }
 
-/// In the place of the values that the key has there, else to what all runs have in common, or to what
-/// varies.
-void replace(Contents& contents, const Axis& axis) {
+/// Puts the axis in the place of the one with its key, in the grid and in the variants; where there is none,
+/// adds it: one value to what all runs have in common, several to what varies.
+void put(Contents& contents, const Axis& axis) {
     if (auto* in_grid = find(contents.grid, axis.key)) {
         *in_grid = axis;
         return;
@@ -294,7 +294,7 @@ void override_key(Contents& contents, const std::string& text) {
     if (key == "config") {
         for (auto& value : axis.values) value = fs::absolute(value).string();
     }
-    replace(contents, axis);
+    put(contents, axis);
 }
 
 // ---- the runs -----------------------------------------------------------------------

@@ -47,8 +47,8 @@ void load_environment(EnvConfig& env, const std::filesystem::path& file);
 /// Throws ConfigError where the ROM of one of the environment's games is missing.
 void check_roms(const EnvConfig& env);
 
-/// Creates the folder that `option` names, or the command's default. Throws ConfigError with the reason if
-/// that fails.
+/// Creates the folder that `option` names, or the command's default; see NewFolder, which removes it again
+/// while it is empty. Throws ConfigError with the reason if that fails.
 [[nodiscard]] NewFolder make_output_folder(std::string_view option, const std::filesystem::path& folder);
 
 /// Returns share/cale/`name` beside the program where cmake --install put it, else `built`, its place in the

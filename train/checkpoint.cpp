@@ -204,7 +204,7 @@ void link_best(const fs::path& link, const std::optional<fs::path>& best) {
 /// Whether it is the first one at or after a multiple of `retention.every`.
 bool stays_for_good(const fs::path& folder, const Retention& retention) {
     if (retention.every == 0) return false;
-    const auto step = step_in(folder.filename().native()).value_or(0);
+    const auto step = step_in(folder).value_or(0);
     return step >= retention.every && step % retention.every < retention.step_size;
 }
 

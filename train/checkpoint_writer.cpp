@@ -28,7 +28,7 @@ void CheckpointWriter::finish() {
 
 void CheckpointWriter::write(RunSnapshot snapshot) {
     // Of the same step once more the files are linked, and those of the checkpoint before are its own.
-    const bool again = last_ && step_in(last_->folder.filename().native()) == snapshot.state.step;
+    const bool again = last_ && step_in(last_->folder) == snapshot.state.step;
     const auto& copied = again ? before_last_ : last_;
     const auto& linked = again ? last_ : before_last_;
     auto written = write_checkpoint(run_dir_, std::move(snapshot), copied ? &*copied : nullptr,

@@ -10,9 +10,10 @@
 
 namespace cale {
 
-/// Returns "agent.gamma was 0.99 and is now 0.5", or "" if the setting may differ on resume: those of
-/// logging, evaluation and storage, and the run's length. `schedule_over_run`: the key of the setting by
-/// which a schedule lasts for the whole run, so that its length must not change; empty: there is none.
+/// Returns "agent.gamma was 0.99 and is now 0.5", or "" if the setting may differ on resume: kWithoutEffect
+/// (report/runs.h), eval.noop_max, the run's length, another spelling of the game. `schedule_over_run`: the
+/// key of the setting by which a schedule lasts for the whole run, so that its length must not change; empty:
+/// there is none.
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run);
 

@@ -105,6 +105,12 @@ TEST_F(Runs, TheNewestIterationEndsWithTheRunAndNotWithAGame) {
     EXPECT_EQ(run.games_in_score, 1);
 }
 
+TEST_F(Runs, ARunNeedsNoRowOfItsProgress) {
+    folders_.run("a", "sac", "Pong", 1, {-21}, "train: {total_steps: 1000}\n");
+    folders_.write("a/progress.csv", "");
+    EXPECT_THAT(found().runs.at(0).scores, ElementsAre(-21));
+}
+
 TEST_F(Runs, ARunThatStoppedEarlyIsNotFinishedHoweverSeldomItLogs) {
     const auto is_finished = [&] { return found().runs.at(0).finished; };
     folders_.run("a", "sac", "Pong", 1, {-21, -19}, "train: {total_steps: 1000}\nlog: {every: 1000}\n");

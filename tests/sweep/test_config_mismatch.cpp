@@ -125,9 +125,10 @@ TEST_F(Refusal, WhatAUserPutIntoARunsFolderIsNotDeleted) {
 
 TEST_F(Refusal, ARunWithoutSettingsIsNotTakenForAnything) {
     fs::create_directories(folder_ / "run/checkpoints/step_000000100");
-    EXPECT_THAT(reason(), HasSubstr("run/config.yaml': No such file or directory); put it back, or remove"));
+    EXPECT_THAT(reason(),
+                HasSubstr("run/config.yaml': No such file or directory); put that back, or remove"));
     folder_.write("run/config.yaml", "agent: {loss: [");
-    EXPECT_THAT(reason(), HasSubstr("its config.yaml does not say what it was trained with"));
+    EXPECT_THAT(reason(), HasSubstr("its files do not say what it was trained with"));
 }
 
 }  // namespace

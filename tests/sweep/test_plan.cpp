@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -101,6 +103,19 @@ TEST_F(SweepPlan, SettingsThatDoNotFitTogetherAreSaidBeforeAnythingStarts) {
                                                     "}\ngrid: {train.seed: 1..2, env.game: pong}\n"
                                                     "variants: [{agent.size: 9}, {agent.loss: mse}]\n");
     EXPECT_EQ(plan(read_sweep(file), fake_.path()).size(), 4u) << "no run has both";
+}
+
+TEST_F(SweepPlan, AnEmptyPartOfThePathIsTheWorkingFolder) {
+    plan_of("");
+    const std::string before = std::getenv("PATH");
+    const auto folder = std::filesystem::current_path();
+    std::filesystem::current_path(fake_.path());
+    for (const auto& path : {":" + before, before + ":", before + "::/bin"}) {
+        ::setenv("PATH", path.c_str(), 1);
+        EXPECT_EQ(plan(read_sweep("mine.yaml"), "/nowhere")[0].program, fake_.path() / "train_fake") << path;
+    }
+    ::setenv("PATH", before.c_str(), 1);
+    std::filesystem::current_path(folder);
 }
 
 TEST_F(SweepPlan, ARunsOwnGameHasToFitItsSettings) {

@@ -49,6 +49,7 @@ class Slurm : public testing::Test {
 
     SlurmOptions options() const {
         return {.name = "mine",
+                .memory = std::int64_t{1} << 30,
                 .options = {},
                 .command = {(fake_.path() / "cale").string(), "sweep", "my file.yaml"}};
     }

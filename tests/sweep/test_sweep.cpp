@@ -77,6 +77,13 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     options_.launcher = Launcher::slurm;
     options_.sbatch_options = {"--time=1:00:00"};
     EXPECT_THAT(answer(), HasSubstr("#SBATCH --time=1:00:00\n"));
+    const auto memory = largest_memory(plan(read_sweep(options_.file), fake_.path()));
+    EXPECT_THAT(answer(), HasSubstr(fmt::format("#SBATCH --mem={}M\n", (memory + (1 << 20) - 1) >> 20)));
+    options_.sharing.memory_per_run = std::int64_t{7} << 20;
+    EXPECT_THAT(answer(), HasSubstr("#SBATCH --mem=7M\n"));
+    options_.sharing.devices = {"cpu", "cuda:0"};
+    EXPECT_THROW(answer(), ConfigError) << "before a queue of tasks finds out";
+    options_.sharing.devices.clear();
     EXPECT_THAT(answer(), HasSubstr("mine.yaml --dir " + fake_.sweep().string() +
                                     " --jobs 1 --threads 1 --retries 2 "));
 }

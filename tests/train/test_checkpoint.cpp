@@ -88,8 +88,7 @@ class Checkpoints : public testing::Test {
     }
     std::vector<std::int64_t> steps_left() const {
         std::vector<std::int64_t> steps;
-        for (const auto& folder : list_checkpoints(run))
-            steps.push_back(step_in(folder.filename().native()).value_or(-1));
+        for (const auto& folder : list_checkpoints(run)) steps.push_back(step_in(folder).value_or(-1));
         return steps;
     }
     Checkpoint load() {

@@ -1056,6 +1056,18 @@ TEST(CaleProgram, AReportHasTheScoresOfATableOfTheUsersBesideIt) {
     EXPECT_THAT(read_file(folder.path() / "reports/run/report.html"), testing::HasSubstr("mine"));
     EXPECT_THAT(cale_says("report run --baselines m --baselines-file mine.csv", folder.path()).text,
                 testing::HasSubstr("mine.csv has no such column; the nearest are mine"));
+    const auto piped =
+        shell_says(fmt::format("cd '{}' && cat mine.csv | {}/cale report run --resamples 10 --baselines mine "
+                               "--baselines-file /dev/stdin -o piped 2>&1",
+                               folder.path().string(), CALE_BINARY_DIR));
+    EXPECT_EQ(piped.code, 0) << piped.text;
+}
+
+TEST(CaleProgram, ACommandThatFailsLeavesNoEmptyFolder) {
+    const TemporaryFolder folder;
+    folder.write("policy.safetensors", "no policy");
+    EXPECT_EQ(cale_says("export policy.safetensors --web new/page", folder.path()).code, 1);
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
 }
 
 TEST(CaleEmulator, EvaluatesAndExportsARun) {
