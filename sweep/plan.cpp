@@ -51,7 +51,7 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
     const char* path = std::getenv("PATH");
     // An empty part, at its end too, is the working folder.
     for (const auto& other : path != nullptr ? split(path, ':') : std::vector<std::string>()) {
-        const auto file = fs::absolute(fs::path(other) / name);
+        auto file = fs::absolute(fs::path(other) / name);
         if (::access(file.c_str(), X_OK) == 0) return file;
     }
     const auto agents = agents_in(folder);
