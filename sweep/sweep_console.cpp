@@ -35,8 +35,7 @@ bool SweepConsole::due() const {
 }
 
 void SweepConsole::show(std::span<const RunRow> runs) {
-    next_ = std::chrono::steady_clock::now();
-    next_ += live_ ? kDrawInterval : kSummaryInterval;
+    next_ = std::chrono::steady_clock::now() + (live_ ? kDrawInterval : kSummaryInterval);
     if (!live_) return write(summary(runs) + "\n");
     const auto size = terminal_size(out_).value_or(TerminalSize{kUsualWidth, kUsualHeight});
     const std::size_t width = size.columns - 1;  // some terminals wrap a full line
