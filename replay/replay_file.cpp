@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
+#include <system_error>
 
 namespace cale {
 namespace {
@@ -18,6 +19,10 @@ constexpr std::size_t kMagicSize = 8;
 
 std::string last_error() {
     return std::strerror(errno);
+}
+
+std::string cannot_write(const std::string& path) {
+    return "cannot write the replay to " + path;
 }
 
 }  // namespace
@@ -35,7 +40,7 @@ ReplayFileWriter::ReplayFileWriter(const std::string& path, std::string_view mag
       file_(std::fopen(temporary_.c_str(), "wb")),
       context_(ZSTD_createCCtx()),
       compressed_(ZSTD_CStreamOutSize()) {
-    if (!file_) fail(last_error());
+    if (!file_) fail_as_the_system_says();
     ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_compressionLevel, kCompressionLevel);
     ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_windowLog, kWindowLog);
     ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_checksumFlag, 1);
@@ -55,8 +60,8 @@ void ReplayFileWriter::write(const void* data, std::size_t size) {
 
 void ReplayFileWriter::commit() {
     compress(nullptr, 0, true);
-    if (std::fflush(file_.get()) != 0 || ::fsync(::fileno(file_.get())) != 0) fail(last_error());
-    if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail(last_error());
+    if (std::fflush(file_.get()) != 0 || ::fsync(::fileno(file_.get())) != 0) fail_as_the_system_says();
+    if (std::rename(temporary_.c_str(), path_.c_str()) != 0) fail_as_the_system_says();
     file_.reset();
 }
 
@@ -73,11 +78,15 @@ void ReplayFileWriter::compress(const void* data, std::size_t size, bool last) {
 }
 
 void ReplayFileWriter::write_raw(const void* data, std::size_t size) {
-    if (size != 0 && std::fwrite(data, 1, size, file_.get()) != size) fail(last_error());
+    if (size != 0 && std::fwrite(data, 1, size, file_.get()) != size) fail_as_the_system_says();
 }
 
 void ReplayFileWriter::fail(const std::string& what) const {
-    throw std::runtime_error("cannot write the replay to " + path_ + ": " + what);
+    throw std::runtime_error(cannot_write(path_) + ": " + what);
+}
+
+void ReplayFileWriter::fail_as_the_system_says() const {
+    throw std::system_error(errno, std::generic_category(), cannot_write(path_));
 }
 
 ReplayFileReader::ReplayFileReader(const std::string& path, std::string_view magic, std::uint32_t version)

@@ -22,7 +22,7 @@ using FileHandle = std::unique_ptr<std::FILE, CloseFile>;
 
 /// Writes `path` + ".tmp" and renames it in commit(), after syncing its content; the name is durable only
 /// once the folder has been synced. Without commit() nothing remains. Every member throws std::runtime_error,
-/// naming the file, when writing fails.
+/// naming the file, when writing fails: std::system_error where the system refuses it.
 class ReplayFileWriter {
   public:
     /// `magic`: eight characters that identify the kind of file.
@@ -36,6 +36,8 @@ class ReplayFileWriter {
     [[noreturn]] void fail(const std::string& what) const;
 
   private:
+    [[noreturn]] void fail_as_the_system_says() const;  // by errno
+
     struct FreeContext {
         void operator()(ZSTD_CCtx_s* context) const;
     };

@@ -6,11 +6,11 @@
 
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -18,23 +18,27 @@ namespace cale {
 
 namespace {
 
-/// Why the system would not write to the end of the file, for which it is made if need be; empty: it would.
+std::error_code newest_error() {
+    return {errno, std::generic_category()};
+}
+
+/// Why the system would not write to the end of the file, for which it is made if need be; false: it would.
 /// The file is as long afterwards as before.
-std::string reason_against_writing(const std::filesystem::path& path) {
+std::error_code reason_against_writing(const std::filesystem::path& path) {
     constexpr std::size_t kBlock = 65'536;  // more than a film's header
     const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (file < 0) return std::strerror(errno);
+    if (file < 0) return newest_error();
     const ::off_t size = ::lseek(file, 0, SEEK_END);
     const std::vector<char> zeros(kBlock);
-    std::string reason;
-    for (std::size_t done = 0; done < kBlock && reason.empty();) {
+    std::error_code reason;
+    for (std::size_t done = 0; done < kBlock && !reason;) {
         const ssize_t written = ::write(file, zeros.data() + done, kBlock - done);
-        if (written < 0 && errno != EINTR) reason = std::strerror(errno);
+        if (written < 0 && errno != EINTR) reason = newest_error();
         if (written > 0) done += static_cast<std::size_t>(written);
     }
     // Some file systems find out at the end.
-    if (::ftruncate(file, size) != 0 && reason.empty()) reason = std::strerror(errno);
-    if (::close(file) != 0 && reason.empty()) reason = std::strerror(errno);
+    if (::ftruncate(file, size) != 0 && !reason) reason = newest_error();
+    if (::close(file) != 0 && !reason) reason = newest_error();
     return reason;
 }
 
@@ -63,8 +67,8 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
             fmt::format("cannot film to {}: its name must end in .mp4", path.string()));
     }
     // OpenCV does not say why it cannot open a file.
-    if (const auto reason = reason_against_writing(path); !reason.empty())
-        throw std::runtime_error(fmt::format("cannot film to {}: {}", path.string(), reason));
+    if (const auto reason = reason_against_writing(path))
+        throw std::system_error(reason, fmt::format("cannot film to {}", path.string()));
 
     const cv::Size size(width * scale, height * scale);
     constexpr std::pair<const char*, std::string_view> codecs[] = {{"avc1", "H.264"}, {"mp4v", "MPEG-4"}};
@@ -115,9 +119,10 @@ void VideoWriter::close() {
     const auto frames = opened ? std::llround(film.get(cv::CAP_PROP_FRAME_COUNT)) : 0;
     if (frames != impl_->frames) {
         const auto reason = reason_against_writing(impl_->path);
-        throw std::runtime_error(fmt::format(
-            "the film {} is damaged: {} of its {} frames can be read back; {}", impl_->path.string(), frames,
-            impl_->frames, reason.empty() ? "is the disk full?" : "its end could not be written: " + reason));
+        throw std::runtime_error(
+            fmt::format("the film {} is damaged: {} of its {} frames can be read back; {}",
+                        impl_->path.string(), frames, impl_->frames,
+                        reason ? "its end could not be written: " + reason.message() : "is the disk full?"));
     }
 }
 

@@ -15,7 +15,7 @@ class VideoWriter {
   public:
     /// `width` and `height` of the frames that will be given, each of whose pixels becomes
     /// `scale` x `scale`; the film's sides must be even. Throws std::invalid_argument for an
-    /// impossible size and std::runtime_error, with the file and the reason, if it cannot be written.
+    /// impossible size and std::system_error, with the file and the reason, if it cannot be written.
     VideoWriter(const std::filesystem::path& path, int width, int height, double frames_per_second,
                 int scale = 3);
     /// Closes the file without checking that it is complete.

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
+#include <system_error>
 #include <utility>
 
 namespace cale {
@@ -74,9 +74,8 @@ void AppendFile::sync() {
 }
 
 void AppendFile::fail(std::string_view what) const {
-    const int error = errno;
-    throw std::runtime_error(
-        fmt::format("cannot {} {}: {} (errno {})", what, path_.string(), std::strerror(error), error));
+    throw std::system_error(errno, std::generic_category(),
+                            fmt::format("cannot {} '{}'", what, path_.string()));
 }
 
 }  // namespace cale

@@ -15,7 +15,7 @@ struct CutFile : std::runtime_error {
 };
 
 /// Every write reaches the operating system before it returns, so that a killed run loses nothing and `tail
-/// -f` shows the newest line. Errors (no such folder, no permission, disk full) throw std::runtime_error with
+/// -f` shows the newest line. Errors (no such folder, no permission, disk full) throw std::system_error with
 /// the file and the system's reason.
 class AppendFile {
   public:

@@ -1,9 +1,11 @@
 #include "terminal/failure.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <new>
-#include <utility>
+#include <string_view>
+#include <system_error>
 
 #include <c10/util/Exception.h>
 #include <fmt/format.h>
@@ -25,6 +27,15 @@ std::string text_of(const std::exception& error) {
     return torch != nullptr ? torch->what_without_backtrace() : error.what();
 }
 
+/// What to do about a file that the system refused; nothing where its reason says that.
+std::string_view remedy_of(const std::error_code& reason) {
+    if (reason == std::errc::no_space_on_device || reason == std::error_code(EDQUOT, std::generic_category()))
+        return "; make room there, or choose another folder";
+    if (reason == std::errc::read_only_file_system) return "; choose another folder";
+    if (reason == std::errc::permission_denied) return "; change its permissions, or choose another path";
+    return "";
+}
+
 }  // namespace
 
 bool is_out_of_memory(const std::exception& error) {
@@ -38,7 +49,10 @@ bool is_out_of_memory(const std::exception& error) {
 std::string failure_sentence(const std::exception& error) {
     if (const auto* file = dynamic_cast<const std::filesystem::filesystem_error*>(&error))
         return one_sentence(
-            fmt::format("cannot use '{}': {}", file->path1().string(), file->code().message()));
+                   fmt::format("cannot use '{}': {}", file->path1().string(), file->code().message())) +
+               std::string(remedy_of(file->code()));
+    if (const auto* system = dynamic_cast<const std::system_error*>(&error))
+        return one_sentence(system->what()) + std::string(remedy_of(system->code()));
     if (!is_out_of_memory(error)) return one_sentence(text_of(error));
     return "there is not enough memory; free some, or ask for less: smaller batches, networks, rollouts or "
            "replay, fewer games at once";

@@ -6,6 +6,8 @@
 #include <ctime>
 #include <filesystem>
 #include <optional>
+#include <stdexcept>
+#include <system_error>
 #include <thread>
 
 #include <ATen/Context.h>
@@ -265,7 +267,12 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     }
 }
 
-/// Calls train() and records its end in metadata.json.
+/// Whether the run itself has no part in what stopped it: a disk or memory is full, a file is forbidden.
+bool is_of_the_machine(const std::exception& error) {
+    return is_out_of_memory(error) || dynamic_cast<const std::system_error*>(&error) != nullptr;
+}
+
+/// Calls train() and records its end in metadata.json. Says how to resume a run that the machine stopped.
 Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
                         const TrainOptions& options, Metadata* metadata) {
     if (metadata == nullptr) return train(agent, world, settings, options);
@@ -291,7 +298,9 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
         } catch (const std::exception&) {
             // The disk is full: the first failure is the one to report.
         }
-        throw;
+        if (!is_of_the_machine(error) || list_checkpoints(options.run_dir).empty()) throw;
+        throw std::runtime_error(fmt::format("{}; then resume with --resume --run-dir {}",
+                                             failure_sentence(error), options.run_dir.string()));
     }
 }
 

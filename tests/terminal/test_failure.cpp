@@ -1,11 +1,13 @@
 #include "terminal/failure.h"
 
+#include <cerrno>
 #include <cstdint>
 #include <exception>
 #include <filesystem>
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 #include <ATen/ops/empty.h>
 #include <c10/util/Exception.h>
@@ -15,6 +17,7 @@
 namespace cale {
 namespace {
 
+using testing::EndsWith;
 using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
@@ -49,6 +52,23 @@ TEST(Failure, OfMemorySaysWhatToMakeSmaller) {
 TEST(Failure, OfAFileNamesIt) {
     EXPECT_EQ(sentence_of([] { return std::filesystem::file_size("/no/such/file"); }),
               "cannot use '/no/such/file': No such file or directory");
+}
+
+TEST(Failure, OfTheFileSystemSaysWhatToDo) {
+    const auto sentence_of_reason = [](int reason) {
+        return failure_sentence(std::system_error(reason, std::generic_category(), "cannot write 'a.csv'"));
+    };
+    for (const int reason : {ENOSPC, EDQUOT})
+        EXPECT_THAT(sentence_of_reason(reason), EndsWith("; make room there, or choose another folder"));
+    EXPECT_EQ(sentence_of_reason(EROFS),
+              "cannot write 'a.csv': Read-only file system; choose another folder");
+    EXPECT_EQ(sentence_of_reason(EACCES),
+              "cannot write 'a.csv': Permission denied; change its permissions, or choose another path");
+    EXPECT_EQ(sentence_of_reason(EIO), "cannot write 'a.csv': Input/output error");
+    const std::filesystem::filesystem_error full("cannot create folder", "runs/1",
+                                                 std::make_error_code(std::errc::no_space_on_device));
+    EXPECT_EQ(failure_sentence(full),
+              "cannot use 'runs/1': No space left on device; make room there, or choose another folder");
 }
 
 TEST(Failure, IsOneLineThatATerminalDoesNotObey) {

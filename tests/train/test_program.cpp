@@ -824,6 +824,22 @@ Said cale_says(const std::string& words, const std::filesystem::path& folder = "
         fmt::format("cd '{}' && {}/cale {} 2>&1 < /dev/null", folder.string(), CALE_BINARY_DIR, words));
 }
 
+TEST(ProgramEmulator, ARunThatAFullDiskStopsSaysHowToResumeIt) {
+    const TemporaryFolder folder;
+    const auto run = (folder.path() / "run").string();
+    ASSERT_EQ(train_sac(small(run, {"--until", "4"})).code, 0);
+    // A limit on the size of files stands in for the disk: config.yaml may be so long, a checkpoint may not.
+    const auto command =
+        fmt::format("{}/train_sac --resume --run-dir '{}' --no-progress 2>&1", CALE_BINARY_DIR, run);
+    const auto stopped = shell_says("ulimit -f 32; " + command);
+    EXPECT_EQ(stopped.code, 1);
+    EXPECT_THAT(stopped.text,
+                testing::EndsWith(": File too large; then resume with --resume --run-dir " + run + "\n"));
+    const auto resumed = shell_says(command);
+    EXPECT_EQ(resumed.code, 0) << resumed.text;
+    EXPECT_EQ(metadata_of(run)["finished"], true);
+}
+
 TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
     for (
         const auto& [words, sentence] : std::vector<std::pair<std::string, std::string>>{
