@@ -61,7 +61,7 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
                  double tau);
 
 /// Scales the gradients of `parameters` down to the global norm `maximum` where it is larger, without a
-/// wait for the device. Returns the norm before: [].
+/// wait for the device. Returns the norm before: [] float64.
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum);
 
 /// Returns the global norm of the gradients that `parameters` have; none where one of them has none, or where

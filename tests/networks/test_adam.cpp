@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include <ATen/CPUGeneratorImpl.h>
 #include <gtest/gtest.h>
 #include <torch/types.h>
 #include <torch/utils.h>
@@ -142,6 +143,17 @@ TEST(ClipGradientNorm, ScalesAllGradientsDownToTheLargestNorm) {
     EXPECT_FLOAT_EQ(clip_gradient_norm(parameters, 1.5).item<float>(), 3);
     EXPECT_TRUE(torch::allclose(parameters[0].grad(), torch::tensor({1.0f, -1.0f})));
     EXPECT_TRUE(torch::allclose(parameters[1].grad(), torch::tensor({0.5f})));
+}
+
+TEST(ClipGradientNorm, OfMillionsOfGradientsIsExact) {
+    // The dense layer of phi_dqn: summed in float32 the norm is too small by a thousandth.
+    std::vector<torch::Tensor> parameters{torch::zeros({512, 7744}).requires_grad_()};
+    const auto gradient =
+        torch::randn({512, 7744}, at::make_generator<at::CPUGeneratorImpl>(1), torch::kFloat32).div_(100);
+    set_gradient(parameters[0], gradient);
+    const double norm = gradient.to(torch::kFloat64).square().sum().sqrt().item<double>();
+    EXPECT_NEAR(clip_gradient_norm(parameters, 1).item<double>() / norm, 1, 1e-9);
+    EXPECT_NEAR(parameters[0].grad().to(torch::kFloat64).square().sum().sqrt().item<double>(), 1, 1e-6);
 }
 
 TEST(GradientNorm, IsThatOfAllGradientsTogether) {
