@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -27,7 +28,7 @@ std::optional<FramePipeline> pipeline_for(const PolicyInfo& info, int screen_hei
 }  // namespace
 
 std::uint8_t luminance(std::uint8_t red, std::uint8_t green, std::uint8_t blue) {
-    return static_cast<std::uint8_t>((2989 * red + 5870 * green + 1140 * blue + 5000) / 10'000);
+    return static_cast<std::uint8_t>(std::round(red * 0.2989 + green * 0.5870 + blue * 0.1140));
 }
 
 Observer::Observer(const PolicyInfo& info, int screen_height)

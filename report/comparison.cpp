@@ -21,6 +21,7 @@ namespace {
 constexpr std::size_t kCurvePoints = 51;
 constexpr std::size_t kThresholds = 101;
 constexpr std::size_t kFewRuns = 5;
+constexpr std::int64_t kFewGames = 5;  // behind the score of a run
 
 /// Steps at which all runs have a score: their own where they agree, else from where the last of
 /// them has its first to where the first of them ends.
@@ -363,32 +364,36 @@ std::vector<std::string> groups_where(const Comparison& comparison, Is&& is) {
     return labels;
 }
 
+/// Adds "The sentence: a; b." unless there is no label.
+void add_labels(std::vector<Note>& notes, std::string_view sentence, const std::vector<std::string>& labels) {
+    if (!labels.empty()) notes.push_back({fmt::format("{}: {}.", sentence, fmt::join(labels, "; "))});
+}
+
 std::vector<Note> notes_on_settings(const Comparison& comparison) {
     std::vector<Note> notes;
     if (auto lengths = lengths_text(comparison.groups); !lengths.empty())
         notes.push_back({fmt::format("Groups have runs of different lengths, in agent steps: {}.", lengths)});
-    const auto short_games =
-        groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); });
-    if (!short_games.empty())
-        notes.push_back({fmt::format(
-            "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
-            "human-normalised scores are none of whole games: {}.",
-            fmt::join(short_games, "; "))});
-    const auto untrained = groups_where(comparison, [](const Run& run) {
+    add_labels(
+        notes,
+        "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
+        "human-normalised scores are none of whole games",
+        groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); }));
+    const auto is_untrained = [](const Run& run) {
         return run.total_steps > 0 &&
-               ends_before_first_update(number_in<double>(setting_of(run, "agent.min_replay")),
-                                        run.total_steps);
-    });
-    if (!untrained.empty())
-        notes.push_back({fmt::format(
-            "Runs end before the first update (agent.min_replay), so that nothing was learned: {}.",
-            fmt::join(untrained, "; "))});
+               ends_before_first_update(number_of(run, "agent.min_replay"), run.total_steps);
+    };
+    add_labels(notes, fmt::format("Scores of runs that are the mean of fewer than {} games", kFewGames),
+               groups_where(comparison, [](const Run& run) {
+                   return run.recorded_as.empty() && run.games_in_score < kFewGames;
+               }));
+    add_labels(notes, "Runs end before the first update (agent.min_replay), so that nothing was learned",
+               groups_where(comparison, is_untrained));
     return notes;
 }
 
 /// "1 run is", "3 runs are"
 std::string runs_are(std::size_t count) {
-    return count == 1 ? "1 run is" : fmt::format("{} runs are", count);
+    return fmt::format("{} {}", counted(count, "run"), count == 1 ? "is" : "are");
 }
 
 std::vector<Note> notes_on_runs(const Comparison& comparison) {
@@ -443,18 +448,16 @@ std::vector<Note> notes_on(const Comparison& comparison) {
         notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
     if (!comparison.left_out_baselines.empty())
         notes.push_back({"What is left out beside the runs:", sentences(comparison.left_out_baselines)});
-    if (!single.empty())
-        notes.push_back({fmt::format(
-            "Games with a single run, about whose spread nothing is known, so that there is no interval: {}.",
-            fmt::join(single, "; "))});
-    if (!few.empty())
-        notes.push_back({fmt::format(
-            "Fewer than {} runs per game, from which bootstrap intervals come out too narrow: {}.", kFewRuns,
-            fmt::join(few, "; "))});
-    if (!uneven.empty())
-        notes.push_back({fmt::format(
-            "Games with unequal numbers of runs; where scores are pooled, those with more count more: {}.",
-            fmt::join(uneven, "; "))});
+    add_labels(notes,
+               "Games with a single run, about whose spread nothing is known, so that there is no interval",
+               single);
+    add_labels(notes,
+               fmt::format("Fewer than {} runs per game, from which bootstrap intervals come out too narrow",
+                           kFewRuns),
+               few);
+    add_labels(notes,
+               "Games with unequal numbers of runs; where scores are pooled, those with more count more",
+               uneven);
     return notes;
 }
 

@@ -4,15 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
-#include <system_error>
 
 #include "cale/text.h"
+#include "storage/files.h"
 
 namespace cale {
 namespace {
@@ -69,16 +65,6 @@ double CsvTable::score(std::size_t row, std::size_t column) const {
 
 namespace {
 
-std::string text_of(const std::filesystem::path& path) {
-    std::ifstream file(path);
-    std::error_code ignored;
-    const bool is_folder = std::filesystem::is_directory(path, ignored);  // which can be opened, and not read
-    if (!file || is_folder)
-        throw std::runtime_error(
-            fmt::format("cannot read {}: {}", path.string(), std::strerror(is_folder ? EISDIR : errno)));
-    return {std::istreambuf_iterator<char>(file), {}};
-}
-
 CsvTable table_of(const std::filesystem::path& path, const std::string& text, bool with_empty_lines) {
     CsvTable table{.path = path};
     constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
@@ -110,13 +96,13 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
 }  // namespace
 
 CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes) {
-    auto text = text_of(path);
+    auto text = read_file(path);
     text.resize(std::min(bytes, text.size()));
     return table_of(path, text, /*with_empty_lines=*/true);
 }
 
 CsvTable read_csv_by_hand(const std::filesystem::path& path) {
-    const auto text = text_of(path);
+    const auto text = read_file(path);
     auto table = table_of(path, text + '\n', /*with_empty_lines=*/false);
     if (!text.ends_with('\n')) table.cut_line = 1 + static_cast<std::size_t>(std::ranges::count(text, '\n'));
     return table;

@@ -21,16 +21,9 @@ Picture improvement_figure(const Comparison& comparison);
 Picture efficiency_figure(const Comparison& comparison);
 /// A panel per game: the mean over the runs of the game's own score over agent steps, with bands.
 Picture game_curves_figure(const Comparison& comparison);
-/// game_table() as a picture.
-Picture game_table_figure(const Comparison& comparison);
 /// How often each joystick event was chosen: a panel per game for up to four games, else the mean over all
 /// games.
 Picture event_figure(const Comparison& comparison);
-/// A panel per game and group: the parts of the agent steps in each of the joystick's zones, over the
-/// training.
-Picture zone_figure(const Comparison& comparison);
-/// A panel per game: the rewards of an agent step, by quantile.
-Picture reward_figure(const Comparison& comparison);
 
 struct Figure {
     std::string name{};     // of its files: "aggregates"

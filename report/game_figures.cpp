@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <set>
 #include <utility>
@@ -58,6 +59,7 @@ std::string runs_in(const std::vector<GameRow>& rows) {
     for (const auto& row : rows)
         for (const auto* result : row.results)
             if (result != nullptr) counts.insert(result->runs.size());
+    if (counts.empty()) return "no runs";
     return runs_text(*counts.begin(), *counts.rbegin());
 }
 
@@ -117,7 +119,7 @@ void title_panel(Picture& picture, const Panel& panel, std::string_view title) {
 /// Every line to compare with that a panel may show: random play, then the literature.
 std::vector<Baseline> references_of(const Comparison& comparison) {
     auto references = comparison.random_floors;
-    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
+    std::ranges::move(published(comparison), std::back_inserter(references));
     return references;
 }
 
@@ -308,47 +310,6 @@ Picture game_curves_figure(const Comparison& comparison) {
     return picture;
 }
 
-Picture game_table_figure(const Comparison& comparison) {
-    constexpr double kRow = 21, kSize = 12, kGap = 22, kTop = 66;
-    const auto table = game_table(comparison);
-    std::vector<double> rights;  // of the columns
-    double x = kMargin;
-    for (std::size_t column = 0; column < table.header.size(); ++column) {
-        double width = text_width(table.header[column], kSize, true);
-        for (const auto& row : table.rows) width = std::max(width, text_width(row[column], kSize, true));
-        rights.push_back(x + width);
-        x += width + kGap;
-    }
-    Picture picture = titled_picture("Scores, game by game", x - kGap + kMargin);
-    const auto write = [&](const std::vector<std::string>& row, double y, auto&& is_bold, Colour colour) {
-        for (std::size_t column = 0; column < row.size(); ++column) {
-            const bool first = column == 0;
-            picture.words.push_back({row[column],
-                                     {first ? kMargin : rights[column], y},
-                                     colour,
-                                     kSize,
-                                     first ? Anchor::start : Anchor::end,
-                                     is_bold(column)});
-        }
-    };
-    write(
-        table.header, kTop, [](std::size_t) { return true; }, kInk);
-    picture.lines.push_back({{{kMargin, kTop + 7}, {rights.back(), kTop + 7}}, kFaintInk, 1});
-    double y = kTop;
-    for (std::size_t i = 0; i < table.rows.size(); ++i) {
-        y += kRow;
-        write(
-            table.rows[i], y, [&](std::size_t column) { return table.best[i][column]; }, kInk);
-        picture.lines.push_back({{{kMargin, y + 6}, {rights.back(), y + 6}}, kGrid, 1});
-    }
-    finish_picture(
-        picture, y + 10,
-        fmt::format("mean of the runs ({}); {}{}", runs_text(comparison),
-                    interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
-                    comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
-    return picture;
-}
-
 Picture event_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_events);
     const auto labels = labels_in(rows, comparison);
@@ -439,8 +400,50 @@ bool has_zones(const GameResult& result) {
     return !result.zones.empty();
 }
 
-}  // namespace
+/// game_table() as a picture.
+Picture game_table_figure(const Comparison& comparison) {
+    constexpr double kRow = 21, kSize = 12, kGap = 22, kTop = 66;
+    const auto table = game_table(comparison);
+    std::vector<double> rights;  // of the columns
+    double x = kMargin;
+    for (std::size_t column = 0; column < table.header.size(); ++column) {
+        double width = text_width(table.header[column], kSize, true);
+        for (const auto& row : table.rows) width = std::max(width, text_width(row[column], kSize, true));
+        rights.push_back(x + width);
+        x += width + kGap;
+    }
+    Picture picture = titled_picture("Scores, game by game", x - kGap + kMargin);
+    const auto write = [&](const std::vector<std::string>& row, double y, auto&& is_bold, Colour colour) {
+        for (std::size_t column = 0; column < row.size(); ++column) {
+            const bool first = column == 0;
+            picture.words.push_back({row[column],
+                                     {first ? kMargin : rights[column], y},
+                                     colour,
+                                     kSize,
+                                     first ? Anchor::start : Anchor::end,
+                                     is_bold(column)});
+        }
+    };
+    write(
+        table.header, kTop, [](std::size_t) { return true; }, kInk);
+    picture.lines.push_back({{{kMargin, kTop + 7}, {rights.back(), kTop + 7}}, kFaintInk, 1});
+    double y = kTop;
+    for (std::size_t i = 0; i < table.rows.size(); ++i) {
+        y += kRow;
+        write(
+            table.rows[i], y, [&](std::size_t column) { return table.best[i][column]; }, kInk);
+        picture.lines.push_back({{{kMargin, y + 6}, {rights.back(), y + 6}}, kGrid, 1});
+    }
+    finish_picture(
+        picture, y + 10,
+        fmt::format("mean of the runs ({}); {}{}", runs_text(comparison),
+                    interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
+                    comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
+    return picture;
+}
 
+/// A panel per game and group: the parts of the agent steps in each of the joystick's zones, over the
+/// training.
 Picture zone_figure(const Comparison& comparison) {
     auto rows = rows_with(comparison, has_zones);
     rows.resize(std::min<std::size_t>(rows.size(), 6));
@@ -480,6 +483,7 @@ Picture zone_figure(const Comparison& comparison) {
     return picture;
 }
 
+/// A panel per game: the rewards of an agent step, by quantile.
 Picture reward_figure(const Comparison& comparison) {
     const auto rows = rows_with(comparison, has_rewards);
     auto [picture, grid] =
@@ -513,8 +517,6 @@ Picture reward_figure(const Comparison& comparison) {
                        runs_in(rows) + ")");
     return picture;
 }
-
-namespace {
 
 /// Which random play is shown, where a group plays with the joystick.
 std::string floor_sentence(const Comparison& comparison) {

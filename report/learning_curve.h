@@ -39,7 +39,7 @@ struct StepCurve {
 
 /// The mean return of the episodes that ended in the newest `window` agent steps. It changes where an episode
 /// ends and where one leaves the window; where none is left in it, the newest counts. The last step is `end`,
-/// which must not lie before the last episode's; without episodes there is none.
+/// after which no episode counts; where none ended before it, there is no step.
 StepCurve mean_returns(const EpisodeHistory& episodes, double window, double end);
 
 /// A score to compare with, drawn as a dashed horizontal line; where that would squeeze the curve

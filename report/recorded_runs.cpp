@@ -53,6 +53,15 @@ std::uint64_t natural(const CsvTable& table, std::size_t row, std::size_t column
                                          table.lines[row], table.columns[column], text));
 }
 
+const Game& game_in(const CsvTable& table, std::size_t row, std::size_t column) {
+    try {
+        return find_game(table.rows[row][column]);
+    } catch (const std::invalid_argument& error) {
+        throw std::runtime_error(
+            fmt::format("{}:{}: {}", table.path.string(), table.lines[row], error.what()));
+    }
+}
+
 std::array<std::size_t, kColumns.size()> columns_of(const CsvTable& table) {
     std::array<std::size_t, kColumns.size()> columns{};
     for (std::size_t i = 0; i < kColumns.size(); ++i) {
@@ -118,7 +127,7 @@ std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std
         run.folder = table.path;
         run.recorded_as = cells[group];
         run.agent = cells[agent];
-        run.game = &find_game(cells[game]);
+        run.game = &game_in(table, row, game);
         run.seed = natural(table, row, seed);
         run.total_steps = table.number(row, total);
         if (!run.steps.empty() && table.number(row, step) <= run.steps.back())

@@ -68,6 +68,12 @@ std::map<std::string, std::string> read_settings(const fs::path& path) {
     return settings;
 }
 
+nlohmann::ordered_json read_object(const fs::path& path) {
+    auto object = nlohmann::ordered_json::parse(read_file(path), nullptr, false);
+    if (!object.is_object()) throw std::runtime_error(path.string() + " is damaged: it is no JSON object");
+    return object;
+}
+
 /// What metadata.json and the first line of episodes.csv say; the former wins.
 void read_identity(Run& run, const EpisodeHistory& episodes) {
     std::string env_id = episodes.env_id;
@@ -75,10 +81,7 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     run.seed = episodes.seed.value_or(0);
     const auto path = run.folder / "metadata.json";
     if (fs::exists(path)) {
-        std::ifstream file(path);
-        const auto metadata = nlohmann::json::parse(file, nullptr, false);
-        if (!metadata.is_object())
-            throw std::runtime_error(path.string() + " is damaged: it is no JSON object");
+        const auto metadata = read_object(path);
         try {
             env_id = metadata.value("env_id", env_id);
             run.agent = metadata.value("exp_name", run.agent);
@@ -100,13 +103,9 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
     run.game = &find_game(env_id);
 }
 
-/// 0 where it is not set. May be written as 50_000_000.
-double number_of(const std::map<std::string, std::string>& settings, const char* key) {
-    const auto found = settings.find(key);
-    if (found == settings.end()) return 0;
-    auto digits = found->second;
-    std::erase(digits, '_');
-    return std::strtod(digits.c_str(), nullptr);
+/// 0 where the run does not say.
+double number_or_0(const Run& run, const std::string& key) {
+    return number_of(run, key).value_or(0);
 }
 
 /// Agent steps of the iteration whose games make the score.
@@ -155,18 +154,18 @@ Progress progress_of(const fs::path& folder) {
 /// Agent steps of the longest game that the settings allow, over all environments; none where they do not
 /// say. A step that loses a life may be of one frame.
 std::optional<double> longest_game(const Run& run) {
-    const double frames = number_of(run.settings, "env.max_frames_per_episode");
+    const double frames = number_or_0(run, "env.max_frames_per_episode");
     const bool cuts_steps = setting_of(run, "env.terminal_on_life_loss") == "true";
-    const double skip = cuts_steps ? 1 : number_of(run.settings, "env.frame_skip");
+    const double skip = cuts_steps ? 1 : number_or_0(run, "env.frame_skip");
     if (!(frames > 0 && skip > 0)) return std::nullopt;
-    return std::ceil(frames / skip) * std::max(1.0, number_of(run.settings, "env.num_envs"));
+    return std::ceil(frames / skip) * std::max(1.0, number_or_0(run, "env.num_envs"));
 }
 
 /// Bytes of episodes.csv that were there when the newest checkpoint was written; 0 where it does not say.
 std::uintmax_t bytes_at_checkpoint(const fs::path& checkpoint) {
-    if (checkpoint.empty()) return 0;
-    std::ifstream file(checkpoint / "state.json");
-    const auto state = nlohmann::json::parse(file, nullptr, false);
+    const auto file = checkpoint / "state.json";
+    if (checkpoint.empty() || !fs::exists(file)) return 0;
+    const auto state = nlohmann::json::parse(read_file(file), nullptr, false);
     if (!state.is_object() || !state.contains("episodes_offset")) return 0;
     const auto& bytes = state["episodes_offset"];
     return bytes.is_number_unsigned() ? bytes.get<std::uintmax_t>() : 0;
@@ -222,9 +221,7 @@ struct Evaluations {
 
 /// None where another game was played.
 std::optional<Protocol> read_protocol(const fs::path& path) {
-    std::ifstream file(path);
-    const auto json = nlohmann::ordered_json::parse(file, nullptr, false);
-    if (!json.is_object()) throw std::runtime_error(path.string() + " is damaged: it is no JSON object");
+    const auto json = read_object(path);
     Protocol protocol{.text = {}};
     for (const auto& [name, value] : json.items()) {
         if (name == "settings" && value.contains("env.game")) return std::nullopt;
@@ -353,8 +350,11 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     if (fs::exists(folder / "config.yaml")) run.settings = read_settings(folder / "config.yaml");
     read_identity(run, episodes);
     set_rules(run, run.settings);
-    run.total_steps = number_of(run.settings, "train.total_steps");
+    run.total_steps = number_or_0(run, "train.total_steps");
     auto progress = progress_of(folder);
+    if (const auto copy = progress.checkpoint / "config.yaml"; run.settings.empty() && fs::exists(copy))
+        throw std::runtime_error(fmt::format("{} is missing or empty; copy {} there",
+                                             (folder / "config.yaml").string(), copy.string()));
     if (run.finished && progress.step < run.total_steps) {
         progress.step = run.total_steps;
         progress.file = folder / "metadata.json";
@@ -362,7 +362,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     run.reached = std::max(progress.step, episodes.steps.empty() ? 0 : episodes.steps.back());
     // Of a folder without metadata.json and checkpoints only the log says how far it came.
     const bool logged_only = progress.checkpoint.empty() && !fs::exists(folder / "metadata.json");
-    const double log_every = logged_only ? number_of(run.settings, "log.every") : 0;
+    const double log_every = logged_only ? number_or_0(run, "log.every") : 0;
     run.finished = run.reached + log_every >= run.total_steps;
     if (kind == ScoreKind::training) {
         if (episodes.steps.empty())
@@ -395,7 +395,8 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
         read_rewards(run, evaluations.folder);
     }
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
-    for (const auto* name : {"env.game", "train.seed"}) run.settings.erase(name);  // Run has them
+    std::erase_if(run.settings,
+                  [](const auto& setting) { return is_game_or_seed(setting.first); });  // Run has them
     run.zones = zones_in(progress.rows);
     return run;
 }
@@ -446,11 +447,6 @@ std::vector<fs::path> listed_runs(const fs::path& folder) {
     return runs;
 }
 
-fs::path without_slash(const fs::path& path) {
-    const auto normal = path.lexically_normal();
-    return normal.has_filename() ? normal : normal.parent_path();
-}
-
 /// Of each kind the longest.
 std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>& repeated) {
     std::vector<Run> kept;
@@ -475,6 +471,13 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 std::string setting_of(const Run& run, const std::string& key) {
     const auto found = run.settings.find(key);
     return found == run.settings.end() ? std::string() : found->second;
+}
+
+std::optional<double> number_of(const Run& run, const std::string& key) {
+    auto digits = setting_of(run, key);
+    std::erase(digits, '_');
+    const auto number = number_in<double>(digits);
+    return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
 bool ends_before_first_update(std::optional<double> min_replay, double total_steps) {

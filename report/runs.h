@@ -72,6 +72,11 @@ struct LeftOut {
 /// The file in which a sweep lists its runs, each a line with the name of a subfolder.
 inline constexpr std::string_view kSweepList = "sweep_runs.txt";
 
+/// The settings in which the runs of a group differ.
+constexpr bool is_game_or_seed(std::string_view key) {
+    return key == "env.game" || key == "train.seed";
+}
+
 /// No result depends on these settings: the groups of a report do not differ by them, and they may differ on
 /// resume (train/resume.h).
 inline constexpr std::array<std::string_view, 12> kWithoutEffect{"env.rom_dir",
@@ -96,6 +101,8 @@ struct FoundRuns {
 
 /// Returns the value of a setting; empty where the run has none.
 std::string setting_of(const Run& run, const std::string& key);
+/// The same as a number, which may be written as 50_000_000; none where it is not set or no finite number.
+std::optional<double> number_of(const Run& run, const std::string& key);
 
 /// Returns whether a run of so many agent steps ends before its agent's first update; `min_replay`:
 /// agent.min_replay, none of an agent without a replay.

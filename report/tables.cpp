@@ -69,12 +69,6 @@ std::vector<Baseline> random_and_human(const Comparison& comparison) {
     return references;
 }
 
-std::vector<Baseline> published(const Comparison& comparison) {
-    std::vector<Baseline> references;
-    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
-    return references;
-}
-
 /// Means of equal scores may differ in their last digits.
 bool same_score(double a, double b) {
     return std::abs(a - b) <= 1e-9 * std::max(std::abs(a), std::abs(b));
@@ -298,6 +292,12 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
 }
 
 }  // namespace
+
+std::vector<Baseline> published(const Comparison& comparison) {
+    std::vector<Baseline> references;
+    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
+    return references;
+}
 
 Table aggregate_table(const Comparison& comparison) {
     Table table{.header = {"", "IQM", "median", "mean", "optimality gap", "games", "runs/game"}};

@@ -26,6 +26,8 @@ Table improvement_table(const Comparison& comparison);
 /// on the runs' joystick, what each group scored, and each baseline. The highest mean of the groups is bold,
 /// unless all share it.
 Table game_table(const Comparison& comparison);
+/// Returns what the literature has to compare with.
+std::vector<Baseline> published(const Comparison& comparison);
 /// A row per group: agent, protocol, action space, agent steps, games, seeds, runs.
 Table setup_table(const Comparison& comparison);
 /// A row per setting in which groups differ, a column per group.

@@ -57,6 +57,16 @@ std::string unreadable(const fs::path& file, const std::error_code& reason) {
     return text;
 }
 
+/// What is said of a line that a tab indents, which the parser does not name; else nothing.
+std::string hint_of_tabs(const std::string& text) {
+    const auto lines = split(text, '\n');
+    const auto found = std::ranges::find_if(lines, [](const auto& line) {
+        return line.substr(0, line.find_first_not_of(" \t")).find('\t') != line.npos;
+    });
+    if (found == lines.end()) return "";
+    return fmt::format("; a tab indents line {}: YAML wants spaces", found - lines.begin() + 1);
+}
+
 /// Where the documents of a YAML stream begin.
 struct DocumentStarts : YAML::EventHandler {
     std::vector<YAML::Mark> marks;
@@ -106,7 +116,7 @@ YAML::Node parse_yaml(const std::string& text) {
         }
         document = YAML::Load(text);
     } catch (const YAML::Exception& error) {
-        throw YAML::Exception(error.mark, "not valid YAML: " + error.msg);
+        throw YAML::Exception(error.mark, "not valid YAML: " + error.msg + hint_of_tabs(text));
     }
     if (starts.marks.size() > 1)
         throw YAML::Exception(starts.marks[1], "a second YAML document ('---'); a file may hold one only");

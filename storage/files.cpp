@@ -108,6 +108,11 @@ std::string read_stream(const Descriptor& file, const std::filesystem::path& pat
 
 }  // namespace
 
+std::filesystem::path without_slash(const std::filesystem::path& path) {
+    const auto normal = path.lexically_normal();
+    return normal.has_filename() ? normal : normal.parent_path();
+}
+
 void sync_name(const std::filesystem::path& path) {
     const auto parent = path.parent_path();
     const Descriptor folder(

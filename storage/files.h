@@ -31,6 +31,9 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
 /// The same for contents in several pieces.
 void write_file_atomically(const std::filesystem::path& path, std::span<const std::string_view> pieces);
 
+/// Returns the path in its normal form, and without a slash at its end.
+std::filesystem::path without_slash(const std::filesystem::path& path);
+
 /// Syncs the folder of `path`: until then a rename can be lost in a power cut. Throws std::system_error.
 void sync_name(const std::filesystem::path& path);
 

@@ -73,12 +73,19 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
                "move its folder away, or give the sweep another --dir";
     if (!step) return "";
     try {
+        if (const auto lack = lacks(folder / "config.yaml", list_checkpoints(folder).back() / "config.yaml");
+            !lack.empty())
+            return lack;
         const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),
                                             .steps = *step,
                                             .schedule_over_run = metadata_text(folder, "schedule_over_run")});
-        if (text.empty()) return "";
-        return fmt::format(
-            "trained with other settings: {}; give the sweep another --dir, or take the change back", text);
+        if (!text.empty())
+            return fmt::format(
+                "trained with other settings: {}; give the sweep another --dir, or take the change back",
+                text);
+        if (!fs::exists(folder / "episodes.csv"))
+            return "its episodes.csv is missing; put it back, or remove the run's folder";
+        return "";
     } catch (const std::exception& error) {
         return fmt::format(
             "its files do not say what it was trained with ({}); put that back, or remove the run's folder",

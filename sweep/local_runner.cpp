@@ -43,8 +43,9 @@ std::atomic<int> stops = 0;  // counted in a signal handler
 std::atomic<int> interrupts = 0;
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
 
-/// While it lives, signals that ask for an end are counted. One that was ignored (nohup) stays so, and
-/// SIGPIPE, of a reader of the output that is gone, is.
+/// While it lives, signals that ask for an end are counted. A SIGHUP that was ignored (nohup) stays so, and
+/// SIGPIPE, of a reader of the output that is gone, is. A SIGINT is not: scripts start all that they leave
+/// in the background that way.
 class CountedSignals {
   public:
     CountedSignals() {
@@ -57,7 +58,8 @@ class CountedSignals {
                 if (number == SIGINT) ++interrupts;
             };
             sigaction(kSignals[i], nullptr, &before_[i]);
-            if (before_[i].sa_handler != SIG_IGN) sigaction(kSignals[i], &action, nullptr);
+            if (kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
+            sigaction(kSignals[i], &action, nullptr);
         }
         struct sigaction ignore = {};
         ignore.sa_handler = SIG_IGN;

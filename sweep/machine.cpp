@@ -62,7 +62,8 @@ Slots share(const Machine& machine, const Sharing& sharing, std::span<const Plan
     const auto memory = sharing.memory_per_run > 0 ? sharing.memory_per_run : largest_memory(runs);
     Slots result;
     auto jobs = std::max<std::size_t>(1, machine.cpus.size() / threads);
-    result.reason = fmt::format("{} cores, {} a run", machine.cpus.size(), counted(threads, "thread"));
+    result.reason =
+        fmt::format("{}, {} a run", counted(machine.cpus.size(), "core"), counted(threads, "thread"));
     const auto limit = [&](std::size_t most, std::string reason) {
         if (most >= jobs) return;
         jobs = std::max<std::size_t>(1, most);

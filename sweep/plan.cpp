@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "cale/env.h"
+#include "cale/frames.h"
 #include "cale/text.h"
 #include "report/runs.h"
 #include "settings/config.h"
@@ -31,7 +32,7 @@ constexpr std::size_t kGroupsAtOnce = 50;
 /// Games and seeds in such a command line.
 constexpr std::size_t kValuesAtOnce = 2'000;
 /// A stored transition's frame, and its action, reward and bookkeeping.
-constexpr std::int64_t kScreenBytes = std::int64_t{84} * 84, kRamBytes = 128, kMemoryOfTransition = 350;
+constexpr std::int64_t kMemoryOfTransition = 350;
 
 /// Agents whose programs lie in `folder`.
 std::vector<std::string> agents_in(const fs::path& folder) {
@@ -149,14 +150,10 @@ struct BaseRuns {
     std::set<std::string> games_and_seeds;                      // assignments, of all groups
 };
 
-bool is_game_or_seed(const Setting& setting) {
-    return setting.key == "env.game" || setting.key == "train.seed";
-}
-
 std::vector<std::string> assignments_of_group(const SweepRun& run) {
     std::vector<std::string> assignments;
     for (const auto& setting : run.settings) {
-        if (!is_game_or_seed(setting)) assignments.push_back(assignment(setting));
+        if (!is_game_or_seed(setting.key)) assignments.push_back(assignment(setting));
     }
     return assignments;
 }
@@ -164,7 +161,7 @@ std::vector<std::string> assignments_of_group(const SweepRun& run) {
 void add_run(const SweepRun& run, BaseRuns& runs) {
     std::vector<std::string> own;
     for (const auto& setting : run.settings) {
-        if (is_game_or_seed(setting)) own.push_back(assignment(setting));
+        if (is_game_or_seed(setting.key)) own.push_back(assignment(setting));
     }
     runs.games_and_seeds.insert(own.begin(), own.end());
     auto assignments = assignments_of_group(run);
@@ -248,7 +245,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         next.evaluates = integer("eval.episodes") > 0;
         const auto stored = std::min(integer("agent.replay_capacity"), next.total_steps);
         const auto* seen = planned_value(next, "env.obs");
-        const auto frame = seen != nullptr && *seen == "ram" ? kRamBytes : kScreenBytes;
+        const auto frame = seen != nullptr && *seen == "ram" ? kRamSize : kFrameSize;
         next.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);
         planned.push_back(std::move(next));
     }

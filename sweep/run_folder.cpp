@@ -55,7 +55,7 @@ void read_newest_report(const fs::path& file, RunStatus& status) {
     const auto cells = split(row, ',');
     if (row == header || cells.size() != names.size()) return;
     for (std::size_t i = 0; i < names.size(); ++i) {
-        const double value = cells[i].empty() ? NAN : std::strtod(cells[i].c_str(), nullptr);
+        const double value = number_in<double>(cells[i]).value_or(NAN);
         if (!std::isfinite(value)) continue;
         constexpr double kMostSteps = 1e15;  // a table may hold anything
         if (names[i] == "global_step" && value >= 0 && value <= kMostSteps)
@@ -162,12 +162,10 @@ std::optional<RunClaim> RunClaim::take(const fs::path& folder) {
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot open '{}'", file.string()));
     auto all = whole_file(F_WRLCK);
-    if (::fcntl(claim.descriptor_, F_OFD_SETLK, &all) == 0) {
-        if (RunLock::is_taken(folder)) return std::nullopt;
-        return claim;
-    }
-    if (errno == EAGAIN || errno == EACCES) return std::nullopt;
-    throw std::system_error(errno, std::generic_category(), fmt::format("cannot lock '{}'", file.string()));
+    const bool taken =
+        ::fcntl(claim.descriptor_, F_OFD_SETLK, &all) != 0 && (errno == EAGAIN || errno == EACCES);
+    if (taken || RunLock::is_taken(folder)) return std::nullopt;
+    return claim;
 }
 
 bool RunClaim::is_taken(const fs::path& folder) {

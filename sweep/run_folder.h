@@ -50,8 +50,9 @@ std::filesystem::path output_file(const std::filesystem::path& folder);
 std::string last_log_line(const std::filesystem::path& folder);
 
 /// A lock on starting the run of a folder. A process that inherits the descriptor holds the lock for as long
-/// as it lives, even if the process that took it ends; the operating system then releases it. It is beside
-/// the lock of the training programs (storage/run_lock.h), which they take only after their start-up.
+/// as it lives, even if the process that took it ends; the operating system then releases it. No effect on
+/// file systems without locks. It is beside the lock of the training programs (storage/run_lock.h), which
+/// they take only after their start-up.
 class RunClaim {
   public:
     /// Returns none if a living process holds it, or trains in the folder. `folder` must exist. Throws

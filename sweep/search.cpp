@@ -9,6 +9,8 @@
 #include <yaml-cpp/yaml.h>
 
 #include "report/csv.h"
+#include "report/learning_curve.h"
+#include "report/runs.h"
 #include "settings/config.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
@@ -60,7 +62,7 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
         sample.steps = steps;
         const auto folder = search.folder / run.name;
         const bool arrived = newest_checkpoint(folder).value_or(0) >= steps;  // it may have failed
-        sample.scores[run.combination] = arrived ? score_at(folder, steps) : std::nullopt;
+        sample.scores[run.combination] = arrived ? search_score(folder, steps) : std::nullopt;
     }
     std::vector<SampleScore> result;
     result.reserve(samples.size());
@@ -143,17 +145,9 @@ std::map<std::string, std::string> settings_for_config(const Search& search, std
                    planned.run.settings.end();
         });
     }
-    settings.erase("env.game");
-    settings.erase("train.seed");
+    std::erase_if(settings, [](const auto& setting) { return is_game_or_seed(setting.first); });
     for (const auto& [key, value] : settings_of(search, sample)) settings[key] = value;
     return settings;
-}
-
-/// Plain where YAML reads it back as it stands, else in quotes.
-std::string yaml_scalar(const std::string& text) {
-    YAML::Emitter emitter;
-    emitter << text;
-    return emitter.c_str();
 }
 
 bool has_score(const SampleScore& sample) {
@@ -164,18 +158,17 @@ bool has_score(const SampleScore& sample) {
 void write_best(const Search& search, const SampleScore& best, std::size_t compared) {
     std::set<fs::path> configs;
     for (const auto& planned : search.runs) configs.insert(planned.run.config);
-    auto text =
-        fmt::format("# Sample {} of {} of {}, at agent step {}: mean rank {:.2f} among {}.\n", best.sample,
-                    search.sweep.samples.size(), search.sweep.name, best.steps, best.rank, compared);
-    if (configs.size() == 1 && !configs.begin()->empty())
-        text += fmt::format("extends: {}\n", yaml_scalar(configs.begin()->string()));
-    std::map<std::string, std::string> sections;
+    YAML::Node config;
+    if (configs.size() == 1 && !configs.begin()->empty()) config["extends"] = configs.begin()->string();
     for (const auto& [key, value] : settings_for_config(search, best.sample)) {
         const auto dot = key.find('.');
-        sections[key.substr(0, dot)] += fmt::format("  {}: {}\n", key.substr(dot + 1), yaml_scalar(value));
+        config[key.substr(0, dot)][key.substr(dot + 1)] = value;
     }
-    for (const auto& [section, lines] : sections) text += fmt::format("{}:\n{}", section, lines);
-    write_file_atomically(search.folder / "search_best.yaml", text);
+    write_file_atomically(
+        search.folder / "search_best.yaml",
+        fmt::format("# Sample {} of {} of {}, at agent step {}: mean rank {:.2f} among {}.\n{}\n",
+                    best.sample, search.sweep.samples.size(), search.sweep.name, best.steps, best.rank,
+                    compared, YAML::Dump(config)));
 }
 
 }  // namespace
@@ -190,25 +183,12 @@ std::vector<std::int64_t> rungs(SearchMethod method, const SearchSpace& space, s
     return steps;
 }
 
-std::optional<double> score_at(const fs::path& folder, std::int64_t steps) {
+std::optional<double> search_score(const fs::path& folder, std::int64_t steps) {
     const auto file = folder / "episodes.csv";
     if (!fs::exists(file)) return std::nullopt;
-    const auto table = read_csv(file);
-    const auto step = table.find("global_step"), episode_return = table.find("r");
-    if (!step || !episode_return) return std::nullopt;
-    std::optional<double> last;
-    double sum = 0;
-    int games = 0;
-    const auto before = steps - steps / kWindowShare;
-    for (std::size_t row = 0; row < table.rows.size(); ++row) {
-        const auto ended = table.number(row, *step);
-        if (ended > static_cast<double>(steps)) break;
-        last = table.score(row, *episode_return);
-        if (ended <= static_cast<double>(before)) continue;
-        sum += *last;
-        ++games;
-    }
-    return games > 0 ? sum / games : last;
+    const auto curve = mean_returns(read_episodes(file), static_cast<double>(steps / kWindowShare),
+                                    static_cast<double>(steps));
+    return curve.values.empty() ? std::nullopt : std::optional(curve.values.back());
 }
 
 void rank(std::vector<SampleScore>& samples) {

@@ -28,7 +28,7 @@ std::vector<std::int64_t> rungs(SearchMethod method, const SearchSpace& space, s
 
 /// Returns the mean return of the games that ended in the newest quarter of a run's first `steps` agent
 /// steps, where none has ended that of the last one before; none without a game. `folder` is the run's.
-std::optional<double> score_at(const std::filesystem::path& folder, std::int64_t steps);
+std::optional<double> search_score(const std::filesystem::path& folder, std::int64_t steps);
 
 /// What the runs of a sample came to.
 struct SampleScore {

@@ -42,15 +42,23 @@ fs::path index_file(const fs::path& folder) {
     return folder / "slurm.json";
 }
 
-/// {{"job": "17", "runs": ["Pong__sac__1", ...]}, ...}: task i of job 17 trains the i-th of its runs.
-nlohmann::json read_index(const fs::path& folder) {
-    if (!fs::exists(index_file(folder))) return nlohmann::json::array();
-    auto index = nlohmann::json::parse(read_file(index_file(folder)), nullptr, false);
-    if (!index.is_array())
+/// Task i of the job trains the i-th of the runs.
+struct JobArray {
+    std::string job;
+    std::vector<std::string> runs;
+};
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(JobArray, job, runs)
+
+/// [{"job": "17", "runs": ["Pong__sac__1", ...]}, ...]
+std::vector<JobArray> read_index(const fs::path& folder) {
+    if (!fs::exists(index_file(folder))) return {};
+    try {
+        return nlohmann::json::parse(read_file(index_file(folder))).get<std::vector<JobArray>>();
+    } catch (const nlohmann::json::exception&) {
         throw std::runtime_error(
             fmt::format("{} is damaged; delete it once no job of this sweep is left in squeue",
                         index_file(folder).string()));
-    return index;
+    }
 }
 
 std::size_t largest_array() {
@@ -98,11 +106,10 @@ std::map<std::string, std::string> queued_runs(const fs::path& folder) {
     std::string job, task, state;
     while (lines >> job >> task >> state) {
         if (state == "COMPLETING" || state == "COMPLETED") continue;
-        for (const auto& array : index) {
-            if (array.at("job") != job) continue;
-            const auto number = static_cast<std::size_t>(std::atol(task.c_str()));
-            if (number < array.at("runs").size()) queued[array["runs"][number]] = lower(state);
-        }
+        const auto number = number_in<std::size_t>(task);
+        if (!number) continue;  // a job that is no array
+        for (const auto& array : index)
+            if (array.job == job && *number < array.runs.size()) queued[array.runs[*number]] = lower(state);
     }
     return queued;
 }
@@ -140,8 +147,8 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
             throw std::runtime_error(
                 fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
         const auto job = answer.text.substr(0, answer.text.find_first_of(";\n"));  // "17" or "17;cluster"
-        index.push_back({{"job", job}, {"runs", part}});
-        write_file_atomically(index_file(folder), index.dump(1) + "\n");
+        index.push_back({.job = job, .runs = part});
+        write_file_atomically(index_file(folder), nlohmann::json(index).dump(1) + "\n");
         lines.push_back(fmt::format("job array {}: {}, {}", job, counted(part.size(), "run"), file.string()));
     }
     return lines;

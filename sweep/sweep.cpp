@@ -252,6 +252,9 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     make_folder(folder, all_runs, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} in {}, {} at once ({})\n", sweep.name, counted(runs.size(), "run"),
                folder.string(), slots.slots.size(), slots.reason);
+    if (sweep.repeated > 0)
+        fmt::print(stderr, "note: {} of {} combinations repeat another one, which is trained once\n",
+                   sweep.repeated, sweep.repeated + sweep.runs.size());
     if (const auto count = std::ranges::count_if(runs, makes_no_update); count > 0)
         fmt::print(stderr, "note: {} of them make no update: they end before agent.min_replay\n", count);
     search.train = [&](std::span<const PlannedRun> some) {

@@ -1,6 +1,7 @@
 #include "sweep/sweep_file.h"
 
 #include <algorithm>
+#include <climits>
 #include <map>
 #include <string_view>
 #include <utility>
@@ -11,6 +12,7 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
+#include "report/runs.h"
 #include "settings/config.h"
 #include "settings/yaml.h"
 #include "sweep/grid.h"
@@ -200,7 +202,7 @@ class Reader {
         for (const auto& item : node) {
             const auto key = word(item.first);
             if (!is_setting(key)) fail(item.first, no_key(key));
-            if (key == "env.game" || key == "train.seed")
+            if (is_game_or_seed(key))
                 fail(item.first, fmt::format("'{}' is not searched: it goes below 'grid:'", key));
             SearchedSetting setting{
                 .key = key, .values = Choices(), .place = place(file_, item.first.Mark())};
@@ -376,7 +378,7 @@ class RunMaker {
         }
         for (const auto& [key, value] : varying) {
             take(key, value);
-            if (key == "agent" || key == "env.game" || key == "train.seed") continue;
+            if (key == "agent" || is_game_or_seed(key)) continue;
             const auto shown = key == "config" ? fs::path(value).stem().string() : value;
             middle += fmt::format("__{}={}", file_name(short_keys_.at(key)), file_name(shown));
         }
@@ -401,6 +403,11 @@ class RunMaker {
         };
         run.combination = name("");
         run.name = sample > 0 ? name(fmt::format("__sample={}", sample)) : run.combination;
+        if (run.name.size() > NAME_MAX)
+            throw ConfigError(fmt::format(
+                "{}: a run's folder would have a name of {} bytes, '{:.60}...', and {} are allowed: "
+                "let fewer keys vary, or shorter values",
+                file_.string(), run.name.size(), run.name, NAME_MAX));
         return run;
     }
 
@@ -450,6 +457,7 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
                 "{}: two different runs would be called {}; give them values that can be told apart",
                 file.string(), run.name));
         }
+        ++sweep.repeated;
     };
     const auto all = combinations(contents.grid, contents.variants);
     if (all.size() * std::max<std::size_t>(1, sweep.samples.size()) > kMostRuns)

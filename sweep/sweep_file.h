@@ -49,6 +49,7 @@ struct SweepRun {
 struct Sweep {
     std::string name;  // of the file, without its ending
     std::vector<SweepRun> runs{};
+    std::size_t repeated = 0;  // combinations that are a run which is there already
     // "agent.encoder=phi_sac" -> "mine.yaml:9:3", where the file has the key; not what a command line has.
     std::map<std::string, std::string> places{};
     std::optional<SearchSpace> search{};

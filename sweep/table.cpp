@@ -19,11 +19,26 @@ constexpr std::size_t kNarrowestName = 16;
 /// state, step, steps/s, return and ETA with the spaces before them
 constexpr std::size_t kOtherColumns = 2 + 11 + 2 + 17 + 2 + 8 + 2 + 9 + 2 + 8;
 
+/// Whether a character of UTF-8 begins there.
+bool begins_character(const std::string& text, std::size_t at) {
+    return at >= text.size() || (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80;
+}
+
+/// The first bytes that `width` has room for, in whole characters.
+std::string cut(const std::string& text, std::size_t width) {
+    auto end = std::min(width, text.size());
+    while (!begins_character(text, end)) --end;
+    return text.substr(0, end);
+}
+
 /// "Breakout__sac__enco...=standard__1"
 std::string shortened(const std::string& text, std::size_t width) {
     if (text.size() <= width) return text;
-    const auto end = (width - 3) / 2;
-    return text.substr(0, width - 3 - end) + "..." + text.substr(text.size() - end);
+    if (width < 8) return cut(text, width);
+    const auto of_end = (width - 3) / 2;
+    auto end = text.size() - of_end;
+    while (!begins_character(text, end)) ++end;
+    return cut(text, width - 3 - of_end) + "..." + text.substr(end);
 }
 
 /// Whether it still makes steps.
@@ -70,19 +85,24 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
     for (const auto& row : rows) widest = std::max(widest, row.name.size());
     const auto room = width > kOtherColumns + kNarrowestName ? width - kOtherColumns : kNarrowestName;
     const auto column = std::min(widest, room);
-    std::string text = fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", "run", column, "state",
-                                   "step", "steps/s", "return", "ETA");
+    std::string text;
+    const auto add = [&](const std::string& name, const auto&... cells) {
+        text += cut(fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}", shortened(name, column),
+                                column, cells...),
+                    width) +
+                "\n";
+    };
+    add("run", "state", "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
         const bool running = row.status.state == RunPhase::running;
         const bool evaluates = running && !trains(row) && row.evaluates;
-        text += fmt::format("{:<{}}  {:<11}  {:>17}  {:>8}  {:>9}  {:>8}\n", shortened(row.name, column),
-                            column, evaluates ? "evaluating" : row.state,
-                            fmt::format("{}/{}", row.status.step, row.total_steps),
-                            trains(row) && row.status.steps_per_second > 0
-                                ? fmt::format("{:.1f}", row.status.steps_per_second)
-                                : "-",
-                            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
-                            trains(row) ? duration_text(seconds_left(row)) : "-");
+        add(row.name, evaluates ? "evaluating" : row.state,
+            fmt::format("{}/{}", row.status.step, row.total_steps),
+            trains(row) && row.status.steps_per_second > 0
+                ? fmt::format("{:.1f}", row.status.steps_per_second)
+                : "-",
+            row.status.mean_return ? fmt::format("{:.1f}", *row.status.mean_return) : "-",
+            trains(row) ? duration_text(seconds_left(row)) : "-");
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + printable(row.status.message), width) + "\n";
         // Every key of it is needed.

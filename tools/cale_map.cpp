@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "cale/joystick.h"
 #include "report/joystick_map.h"
@@ -23,11 +24,15 @@ void add_map(CLI::App& app) {
     command.add_option("--threshold", options->threshold, "tau: how far the stick must be pushed to count")
         ->transform(numbers(0, 1))
         ->type_name("TAU");
-    const auto names = names_of(Joystick{});
+    // A placed paddle has no regions.
+    std::vector<std::string> names;
+    for (const auto name : names_of(Joystick{}))
+        if (name != names_of(Joystick{})[static_cast<std::size_t>(Joystick::paddle)])
+            names.emplace_back(name);
     command
         .add_option("--joystick", options->joystick,
                     "coordinates of the random actions whose shares are given, as env.joystick")
-        ->transform(one_of({names.begin(), names.end()}))
+        ->transform(one_of(names))
         ->type_name("NAME");
     command
         .add_option("-o,--output", options->output,

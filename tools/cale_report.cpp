@@ -21,6 +21,7 @@
 #include "report/tables.h"
 #include "settings/shell_text.h"
 #include "settings/versions.h"
+#include "storage/files.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 
@@ -144,9 +145,7 @@ std::map<std::string, std::string> names_of_groups(const std::vector<std::string
 fs::path output_folder(const Options& options) {
     if (!options.output.empty()) return options.output;
     if (options.runs.empty()) return "reports/cale";
-    fs::path first = fs::absolute(options.runs.front()).lexically_normal();
-    if (!first.has_filename()) first = first.parent_path();  // a slash at the end
-    return fs::path("reports") / first.filename();
+    return fs::path("reports") / without_slash(fs::absolute(options.runs.front())).filename();
 }
 
 void report(Options options) {

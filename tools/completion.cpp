@@ -1,6 +1,7 @@
 #include "tools/completion.h"
 
 #include <algorithm>
+#include <ranges>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -19,10 +20,10 @@ struct Completion {
     std::string words{};  // with spaces between
 };
 
-std::string game_words() {
-    std::vector<std::string_view> names;
-    for (const Game& game : all_games()) names.push_back(game.rom);
-    return fmt::format("{}", fmt::join(names, " "));
+/// This member of all items, with spaces between.
+template <class Items, class Member>
+std::string words_of(const Items& items, Member member) {
+    return fmt::format("{}", fmt::join(std::views::transform(items, member), " "));
 }
 
 Completion completion_of(std::string_view value) {
@@ -33,7 +34,7 @@ Completion completion_of(std::string_view value) {
         std::ranges::replace(words, ',', ' ');
         return {Kind::words, words};
     }
-    if (value == "GAME") return {Kind::words, game_words()};
+    if (value == "GAME") return {Kind::words, words_of(all_games(), &Game::rom)};
     if (value == "DEVICE") return {Kind::words, "auto cpu cuda"};
     if (value == "KEY=VALUE") return {Kind::setting};
     if (value == "FILE.yaml") return {Kind::yaml_file};
@@ -49,12 +50,6 @@ void for_each_command(std::span<const CommandWords> programs, const Visit& visit
         visit(program, program.name);
         for (const auto& command : program.subcommands) visit(command, program.name + "_" + command.name);
     }
-}
-
-std::string names_of_all(std::span<const CommandWords> commands) {
-    std::vector<std::string_view> names;
-    for (const auto& command : commands) names.push_back(command.name);
-    return fmt::format("{}", fmt::join(names, " "));
 }
 
 // ---- bash ---------------------------------------------------------------------------
@@ -107,9 +102,8 @@ std::string bash_script(std::span<const CommandWords> programs) {
     for_each_command(programs, [&](const CommandWords& command, const std::string& name) {
         script += fmt::format("_cale_in_{}() {{\n", name);
         if (!command.settings.empty()) {
-            std::vector<std::string_view> keys;
-            for (const auto& setting : command.settings) keys.push_back(setting.key);
-            script += fmt::format("    local keys='{}'\n    case $key in\n", fmt::join(keys, " "));
+            script += fmt::format("    local keys='{}'\n    case $key in\n",
+                                  words_of(command.settings, &SettingWords::key));
             for (const auto& setting : command.settings) {
                 if (!setting.values.empty())
                     script += fmt::format("        {}) _cale_words '{}'; return ;;\n", setting.key,
@@ -118,21 +112,20 @@ std::string bash_script(std::span<const CommandWords> programs) {
             script += "        ?*) return ;;\n    esac\n";
         }
         script += "    case $prev in\n";
-        std::vector<std::string_view> names;
         for (const auto& option : command.options) {
-            names.push_back(option.name);
             const auto completion = completion_of(option.value);
             if (completion.kind != Kind::flag)
                 script += fmt::format("        {}) {}; return ;;\n", option.name, bash_action(completion));
         }
         script += fmt::format("    esac\n    case $cur in\n        -*) _cale_words '{}' ;;\n",
-                              fmt::join(names, " "));
-        const auto argument = command.subcommands.empty()
-                                  ? completion_of(command.argument)
-                                  : Completion{Kind::words, names_of_all(command.subcommands)};
+                              words_of(command.options, &OptionWords::name));
+        const auto argument =
+            command.subcommands.empty()
+                ? completion_of(command.argument)
+                : Completion{Kind::words, words_of(command.subcommands, &CommandWords::name)};
         script += fmt::format("        *) {} ;;\n    esac\n}}\n", bash_action(argument));
     });
-    return script + fmt::format("complete -F _cale {}\n", names_of_all(programs));
+    return script + fmt::format("complete -F _cale {}\n", words_of(programs, &CommandWords::name));
 }
 
 // ---- zsh ----------------------------------------------------------------------------
@@ -183,7 +176,7 @@ std::string zsh_settings(const CommandWords& command, const std::string& name) {
 }
 
 std::string zsh_script(std::span<const CommandWords> programs) {
-    const std::string names = names_of_all(programs);
+    const std::string names = words_of(programs, &CommandWords::name);
     std::string script = fmt::format(
         "#compdef {}\n# Completion of cale's programs for zsh. Made by `cale completion zsh`.\n", names);
     for_each_command(programs, [&](const CommandWords& command, const std::string& name) {

@@ -91,8 +91,7 @@ std::string read_policy_file(const fs::path& path) {
 }  // namespace
 
 std::string policy_file_of(const fs::path& path) {
-    auto where = fs::absolute(path).lexically_normal();
-    if (!where.has_filename()) where = where.parent_path();  // a slash at the end
+    auto where = without_slash(fs::absolute(path));
     if (where.filename() == kAgentFile) where = where.parent_path();
     if (!fs::is_directory(where)) return read_policy_file(path);
     if (!fs::exists(where / kAgentFile)) {

@@ -158,7 +158,7 @@ bool has_run_record(const fs::path& folder) {
 /// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
 /// checkpoint.
 void require_no_run(const fs::path& run_dir) {
-    const auto path = fs::absolute(run_dir / "").lexically_normal().parent_path();
+    const auto path = without_slash(fs::absolute(run_dir));
     for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
         if (!has_run_record(folder)) continue;
         throw ConfigError(
@@ -217,11 +217,8 @@ void check_length(const TrainingProgram& program, const fs::path& run_dir) {
 /// Refuses a run whose config.yaml lacks keys, as one that was cut short does: it would continue with their
 /// defaults. `copy`: that of its newest checkpoint.
 void require_whole_config(const fs::path& file, const fs::path& copy) {
-    const auto missing = missing_settings(file, copy);
-    if (missing.empty()) return;
-    throw ResumeError(fmt::format(
-        "--resume: {} lacks {}{}: it was cut or edited since; copy {} there", file.string(), missing.front(),
-        missing.size() > 1 ? fmt::format(" and {} others", missing.size() - 1) : "", copy.string()));
+    if (const auto lack = lacks(file, copy); !lack.empty())
+        throw ResumeError(fmt::format("--resume: {}", lack));
 }
 
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
@@ -299,8 +296,8 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
             // The disk is full: the first failure is the one to report.
         }
         if (!is_of_the_machine(error) || list_checkpoints(options.run_dir).empty()) throw;
-        throw std::runtime_error(fmt::format("{}; then resume with --resume --run-dir {}",
-                                             failure_sentence(error), options.run_dir.string()));
+        throw std::runtime_error(
+            fmt::format("{}; then resume with {}", failure_sentence(error), resume_options(options.run_dir)));
     }
 }
 

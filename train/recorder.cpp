@@ -21,6 +21,7 @@
 #include "train/checkpoint_writer.h"
 #include "train/dormant_units.h"
 #include "train/event_file.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -245,9 +246,9 @@ Outcome Recorder::finish() {
     if (!complete || (!evaluated && !run_last_evaluation())) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
-            files_->console.message(fmt::format("{} at agent step {}; resume with --resume --run-dir {}",
+            files_->console.message(fmt::format("{} at agent step {}; resume with {}",
                                                 paused ? "Paused" : "Interrupted", state_.step,
-                                                options_.run_dir.string()));
+                                                resume_options(options_.run_dir)));
         return paused ? Outcome::paused : Outcome::interrupted;
     }
     if (files_) {

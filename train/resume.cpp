@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string_view>
+#include <vector>
 
 #include <fmt/format.h>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "report/runs.h"
 #include "settings/setting_texts.h"
+#include "settings/shell_text.h"
 #include "storage/files.h"
 #include "storage/step_name.h"
 
@@ -48,13 +51,20 @@ std::string change_of_run(std::string_view key, std::string_view before, std::st
                        scheduled ? fmt::format(", which changes the schedule of {}", schedule_over_run) : "");
 }
 
-std::vector<std::string> missing_settings(const fs::path& file, const fs::path& whole) {
+std::string lacks(const fs::path& file, const fs::path& whole) {
     const auto here = settings_of(file), all = settings_of(whole);
+    if (!here || !all) return "";
     std::vector<std::string> missing;
-    if (!here || !all) return missing;
     for (const auto& [key, value] : *all)
         if (!here->contains(key)) missing.push_back(key);
-    return missing;
+    if (missing.empty()) return "";
+    return fmt::format(
+        "{} lacks {}{}: it was cut or edited since; copy {} there", file.string(), missing.front(),
+        missing.size() > 1 ? " and " + counted(missing.size() - 1, "other") : "", whole.string());
+}
+
+std::string resume_options(const fs::path& run_dir) {
+    return shell_text(std::vector<std::string>{"--resume", "--run-dir", run_dir.string()});
 }
 
 std::optional<std::int64_t> newest_checkpoint(const fs::path& run) {

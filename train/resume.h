@@ -6,7 +6,6 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 namespace cale {
 
@@ -17,10 +16,13 @@ namespace cale {
 std::string change_of_run(std::string_view key, std::string_view before, std::string_view now,
                           std::string_view schedule_over_run);
 
-/// Returns the keys that the configuration `whole` has and `file` lacks. None where one of them is no
-/// configuration, or extends others.
-std::vector<std::string> missing_settings(const std::filesystem::path& file,
-                                          const std::filesystem::path& whole);
+/// Returns "runs/1/config.yaml lacks agent.gamma: it was cut or edited since; copy ... there" where the
+/// configuration `whole` has keys that `file` lacks, as one that was cut short does. Else, and where one of
+/// them is no configuration or extends others, "".
+std::string lacks(const std::filesystem::path& file, const std::filesystem::path& whole);
+
+/// Returns "--resume --run-dir 'my runs/1'", as it can be typed.
+std::string resume_options(const std::filesystem::path& run_dir);
 
 /// Returns the step of a run's newest checkpoint; none if it has none.
 std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& run);

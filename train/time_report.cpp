@@ -12,6 +12,9 @@ namespace cale {
 
 std::string time_report(const std::filesystem::path& run_dir) {
     const auto path = run_dir / "progress.csv";
+    if (!std::filesystem::exists(path))
+        throw std::runtime_error(
+            fmt::format("{} has no progress.csv: give the folder of a run", run_dir.string()));
     const auto columns = read_progress(path);
     const auto column = [&](const std::string& name) -> const std::vector<double>& {
         const auto found = columns.find(name);
@@ -25,6 +28,9 @@ std::string time_report(const std::filesystem::path& run_dir) {
     };
     const auto& seconds = column("seconds");
     const auto steps = column("global_step").back();
+    if (!std::isfinite(steps) || !std::isfinite(seconds.back()))
+        throw std::runtime_error(
+            fmt::format("{} is damaged: a row without steps or seconds; remove it", path.string()));
     TimeSplit split;
     for (const auto& [name, part] : TimeSplit::kParts) {
         const auto& shares = column(fmt::format("time/{}", name));

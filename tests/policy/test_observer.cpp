@@ -77,6 +77,7 @@ TEST(ObserverTest, ColourIsSeenAsItsLuminance) {
     EXPECT_EQ(luminance(0, 0, 0), 0);
     EXPECT_EQ(luminance(255, 255, 255), 255);
     EXPECT_EQ(luminance(255, 0, 0), 76);
+    EXPECT_EQ(luminance(0, 36, 12), 22) << "22.5, or a little less in ALE's arithmetic";
     Observer in_colour(two_frames()), in_gray(two_frames());
     const auto rgb = test::random_pixels(3 * kPixels, 1);
     std::vector<std::uint8_t> luminances;

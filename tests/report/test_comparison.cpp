@@ -120,6 +120,8 @@ TEST_F(Comparing, SaysWhatAReaderMustKnow) {
     config.group_by = {"agent"};
     const auto comparison = compared({}, config);
     EXPECT_FALSE(comparison.results[1].has_interval());
+    EXPECT_THAT(lines_of(comparison.notes),
+                Contains("Scores of runs that are the mean of fewer than 5 games: dqn; sac."));
     EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("no interval: sac.")));
     EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("dqn (2)")));
     EXPECT_THAT(lines_of(comparison.notes), Contains(HasSubstr("b2 is unfinished")));
@@ -128,7 +130,7 @@ TEST_F(Comparing, SaysWhatAReaderMustKnow) {
 }
 
 TEST_F(Comparing, SaysWhatTheSettingsOfRunsMakeOfTheirScores) {
-    folders_.run("a", "sac", "Pong", 1, {-20}, "train: {total_steps: 100}\nagent: {min_replay: 100}\n");
+    folders_.run("a", "sac", "Pong", 1, {-20}, "train: {total_steps: 100}\nagent: {min_replay: 1_00}\n");
     folders_.run("b", "dqn", "Pong", 1, {-20, -20},
                  "train: {total_steps: 200}\nagent: {min_replay: 100}\nenv: {action_space: minimal, "
                  "max_frames_per_episode: 4000}\n");
@@ -327,7 +329,7 @@ TEST(Tables, AreMarkdownToo) {
 
 TEST(Csv, AFolderIsNoTable) {
     EXPECT_THAT([] { read_whole_csv("/tmp"); },
-                testing::ThrowsMessage<std::runtime_error>("cannot read /tmp: Is a directory"));
+                testing::ThrowsMessage<std::runtime_error>("cannot read '/tmp': Is a directory"));
 }
 
 TEST(Csv, QuotesWhatNeedsIt) {

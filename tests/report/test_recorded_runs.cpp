@@ -208,7 +208,7 @@ TEST_F(Recorded, SaysWhatIsWrongWithATable) {
     EXPECT_THAT(read(header + "a,1,sac,Pong,x,1,2,9\n"), HasSubstr("bad.csv:2: the seed 'x' is no number"));
     EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,90\na,1,sac,Pong,1,10,2,90\n"),
                 HasSubstr("bad.csv:3: the steps of a run"));
-    EXPECT_THAT(read(header + "a,1,sac,Pnog,1,20,2,90\n"), HasSubstr("there is no game 'Pnog'"));
+    EXPECT_THAT(read(header + "a,1,sac,Pnog,1,20,2,90\n"), HasSubstr("bad.csv:2: there is no game 'Pnog'"));
     EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,9"), HasSubstr("in the middle of line 2"));
     EXPECT_THAT(read(header + "a,1,sac,Pong,1,20,2,90\n\n# note"), HasSubstr("in the middle of line 4"));
     EXPECT_THAT(read(header + "a,1,sac,Pong,1,20"), HasSubstr("line 2 is 'a,1,sac,Pong,1,20'"));

@@ -392,6 +392,9 @@ TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
     folders_.write("damaged/metadata.json", "{\"seed\": ");
     folders_.run("binary", "sac", "Pong", 6, {1});
     folders_.write("binary/episodes.csv", std::string("\0\xff\n\1,2\n", 7));
+    folders_.run("emptied", "sac", "Pong", 7, {1});
+    folders_.write("emptied/config.yaml", "");
+    folders_.write("emptied/checkpoints/step_000000100/config.yaml", "agent: {encoder: phi_sac}\n");
     const auto all = found();
     EXPECT_THAT(all.runs, SizeIs(1));
     const auto left_out = [&](const char* folder, const char* why) {
@@ -403,6 +406,7 @@ TEST_F(Runs, WhatCannotBeUsedIsNamedAndLeftOut) {
     EXPECT_THAT(all.left_out, left_out("torn", "torn/config.yaml cannot be read: line 2, column 1: "));
     EXPECT_THAT(all.left_out, left_out("damaged", "metadata.json is damaged"));
     EXPECT_THAT(all.left_out, left_out("binary", "episodes.csv"));
+    EXPECT_THAT(all.left_out, left_out("emptied", "emptied/config.yaml is missing or empty; copy "));
     EXPECT_THAT(found(ScoreKind::evaluation).left_out, left_out("good", "no evaluation"));
 }
 
@@ -519,6 +523,12 @@ TEST_F(Runs, GroupsWithLongNamesAreNumbered) {
     }
     EXPECT_THAT(labels(), SizeIs(16));
     EXPECT_THAT(labels(), Contains("sac 16"));
+}
+
+TEST_F(Runs, GroupsAreInTheOrderOfTheirNumbers) {
+    for (const auto* rate : {"10", "3", "1e-4", "0.5", "2e-3"})
+        folders_.run(rate, "sac", "Pong", 1, {1}, fmt::format("agent: {{rate: {}}}\n", rate));
+    EXPECT_THAT(labels(), ElementsAre("rate=1e-4", "rate=2e-3", "rate=0.5", "rate=3", "rate=10"));
 }
 
 TEST_F(Runs, ShareTheSettingsInWhichNoGroupDiffers) {

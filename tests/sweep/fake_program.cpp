@@ -59,6 +59,7 @@ finish() {
 }
 if [ -n "$resume" ]; then echo resumed; else echo "started with $(ls "$dir" | tr '\n' ' ')"; fi
 echo "{}" >"$dir/metadata.json"
+[ -e "$dir/episodes.csv" ] || printf '#{}\nr,global_step\n' >"$dir/episodes.csv"
 config >"$dir/config.yaml"
 case $mode in
     fast) finish ;;

@@ -30,6 +30,7 @@ class Refusal : public testing::Test {
     }
     void trained(const std::string& config, const std::string& step = "000000100") {
         folder_.write("run/config.yaml", config);
+        folder_.write("run/episodes.csv", "");
         fs::create_directories(folder_ / ("run/checkpoints/step_" + step));
     }
     std::string reason() { return config_mismatch(planned_, folder_ / "run"); }
@@ -53,6 +54,20 @@ TEST_F(Refusal, NamesEverySettingThatDiffersAndTheWayOut) {
         "now 2e-4; give the sweep another --dir, or take the change back");
     EXPECT_EQ(status_of(planned_, folder_ / "run").state, RunPhase::refused);
     EXPECT_EQ(status_of(planned_, folder_ / "run").message, reason());
+}
+
+TEST_F(Refusal, NamesAFileThatIsCutOrMissing) {
+    const std::string config = "agent: {loss: huber, rate: 0.0001}\n";
+    trained(config);
+    folder_.write("run/checkpoints/step_000000100/config.yaml", config);
+    EXPECT_EQ(reason(), "");
+    fs::remove(folder_ / "run/episodes.csv");
+    EXPECT_EQ(reason(), "its episodes.csv is missing; put it back, or remove the run's folder");
+    trained("");
+    plan("agent.loss", "mse");
+    EXPECT_THAT(reason(),
+                HasSubstr("run/config.yaml lacks agent.loss and 1 other: it was cut or edited since; copy "))
+        << "without it nothing would differ";
 }
 
 TEST_F(Refusal, IsAboutValuesThatChangeResults) {

@@ -132,13 +132,13 @@ TEST(Search, HalvingComparesTwiceAsLateEachTime) {
 
 TEST(Search, AScoreIsOfTheNewestQuarterOfTheSteps) {
     const test::TemporaryFolder run;
-    EXPECT_EQ(score_at(run.path(), 400), std::nullopt);
+    EXPECT_EQ(search_score(run.path(), 400), std::nullopt);
     run.write("episodes.csv",
               "#{}\nr,l,t,global_step\n1,9,0,100\n2,9,0,300\n4,9,0,301\n8,9,0,400\n100,9,0,401\n");
-    EXPECT_THAT(score_at(run.path(), 400), Optional(6.0));
-    EXPECT_THAT(score_at(run.path(), 300), Optional(2.0));
-    EXPECT_THAT(score_at(run.path(), 250), Optional(1.0)) << "none ended there: the last one before";
-    EXPECT_EQ(score_at(run.path(), 99), std::nullopt);
+    EXPECT_THAT(search_score(run.path(), 400), Optional(6.0));
+    EXPECT_THAT(search_score(run.path(), 300), Optional(2.0));
+    EXPECT_THAT(search_score(run.path(), 250), Optional(1.0)) << "none ended there: the last one before";
+    EXPECT_EQ(search_score(run.path(), 99), std::nullopt);
 }
 
 TEST(Search, SamplesAreRankedInEachCombination) {

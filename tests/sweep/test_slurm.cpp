@@ -120,7 +120,8 @@ TEST_F(SlurmScript, GoesBackIntoTheQueueWhenItsTimeIsUp) {
 TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
     auto runs = fake_.runs({"fast", "fast", "fast", "fast", "fast"});
     fs::create_directories(fake_.sweep() / "fast_1/checkpoints/step_000000100");
-    fake_.write("runs/fast_1/config.yaml", "");
+    for (const auto* file : {"config.yaml", "episodes.csv"})
+        fake_.write(std::string("runs/fast_1/") + file, "");
     EXPECT_THAT(job_arrays(runs, fake_.sweep()),
                 ElementsAre(ElementsAre("fast_0", "fast_2"), ElementsAre("fast_3", "fast_4")));
     EXPECT_THAT(submit(runs, fake_.sweep(), options()),
@@ -139,7 +140,8 @@ TEST_F(Slurm, LeavesNothingWhereThereIsNothingToSubmit) {
     const auto runs = fake_.runs({"fast", "fast"});
     for (const std::string run : {"fast_0", "fast_1"})
         fs::create_directories(fake_.sweep() / run / "checkpoints/step_000000100");
-    fake_.write("runs/fast_0/config.yaml", "");
+    for (const auto* file : {"fast_0/episodes.csv", "fast_1/episodes.csv", "fast_0/config.yaml"})
+        fake_.write(std::string("runs/") + file, "");
     fake_.write("runs/fast_1/config.yaml", "agent: {mode: slow}");  // a run of other settings
     EXPECT_TRUE(submit(runs, fake_.sweep(), options()).empty());
     EXPECT_FALSE(fs::exists(fake_.sweep() / "slurm"));
@@ -152,9 +154,12 @@ TEST_F(Slurm, PassesOnWhatItObjectsTo) {
                        "#!/bin/bash\necho 'sbatch: error: invalid partition specified: gpu' >&2\nexit 1\n");
     EXPECT_THAT(test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
                 HasSubstr("sbatch: error: invalid partition specified: gpu"));
-    fake_.write("runs/slurm.json", "[{");
-    EXPECT_THAT(test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
-                HasSubstr("slurm.json is damaged"));
+    for (const auto* damaged : {"[{", "[1]", "[{\"job\": \"17\"}]"}) {
+        fake_.write("runs/slurm.json", damaged);
+        EXPECT_THAT(test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
+                    HasSubstr("slurm.json is damaged"))
+            << damaged;
+    }
     ::setenv("PATH", "/nowhere", 1);
     EXPECT_THAT(test::error_of<ConfigError>([&] { submit(runs, fake_.sweep(), options()); }),
                 HasSubstr("there is no sbatch on the PATH"));

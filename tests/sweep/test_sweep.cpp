@@ -71,7 +71,7 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     fs::create_directories(fake_.sweep() / "Pong__fake__1/checkpoints/step_000000050");
     fs::create_directories(fake_.sweep() / "Pong__fake__2/checkpoints/step_000000100");
     for (const std::string run : {"Pong__fake__1", "Pong__fake__2"})
-        fake_.write("runs/" + run + "/config.yaml", "");
+        for (const auto* file : {"/config.yaml", "/episodes.csv"}) fake_.write("runs/" + run + file, "");
     EXPECT_THAT(answer(), HasSubstr("--resume\n# finished: Pong__fake__2\n"));
 
     options_.launcher = Launcher::slurm;

@@ -199,6 +199,7 @@ TEST_F(SweepFile, VariantsThatMeetAreOneRun) {
         "  - {agent: sac, agent.encoder: [phi_sac, phi_dqn]}\n"
         "  - {agent: sac, agent.encoder: [phi_dqn, impala]}\n";
     EXPECT_EQ(names(both).size(), 3u);
+    EXPECT_EQ(read_sweep(folder_ / "mine.yaml", {}).repeated, 1U);
 }
 
 TEST_F(SweepFile, KeysOfTheSameNameKeepTheirSections) {
@@ -297,6 +298,8 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake(small_ + "set: {agent: der}\n"), HasSubstr("'agent' is there twice"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.seed: 1, config: [a/x.yaml, b/x.yaml]}\n"),
                 HasSubstr("two different runs would be called Pong__sac__config=x__1"));
+    EXPECT_THAT(mistake(small_ + "variants: [{train.run: " + std::string(250, 'x') + "}]\n"),
+                HasSubstr("a run's folder would have a name of "));
     EXPECT_THAT(mistake(small_, {"env.game"}), HasSubstr("expected KEY=VALUE"));
     EXPECT_THAT(mistake(small_, {"game=pong"}), HasSubstr("'game' is no key"));
     EXPECT_THAT(mistake(small_, {"env.game=pong,pnog"}), HasSubstr("env.game=pong,pnog: "));

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cale/fields.h"
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -81,11 +82,23 @@ TEST(SweepTable, IsNoWiderThanTheTerminal) {
     auto rows = some_rows();
     rows[0].name = "SpaceInvaders__sac__encoder=phi_sac__exploration=epsilon_greedy__12345";
     rows[4].status.message = std::string(500, 'x');
-    for (const std::size_t width : {100, 80}) {
+    rows[1].total_steps = 10'000'000'000;
+    for (const std::size_t width : {100, 80, 60, 8, 2}) {
         std::istringstream lines(table(rows, width));
         for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), width) << line;
     }
     EXPECT_THAT(table(rows, 100), testing::HasSubstr("greedy__12345  ")) << "the seed tells runs apart";
+}
+
+TEST(SweepTable, CutsNoCharacterInTwo) {
+    auto rows = some_rows();
+    for (std::size_t length = 30; length < 40; ++length) {
+        rows[4].status.message = std::string(length, 'x');
+        for (int i = 0; i < 100; ++i) rows[4].status.message += "\xc3\xa4";
+        std::istringstream lines(table(rows, 80));
+        for (std::string line; std::getline(lines, line);)
+            EXPECT_EQ(line, printable(line)) << "which writes what is no UTF-8 as \\x..";
+    }
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "support/temporary_folder.h"
 #include "train/checkpoint.h"
 #include "train/log.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace {
@@ -135,6 +136,11 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
         EXPECT_TRUE(found.contains(file) && found.at(file) == bytes) << file << ", killed after" << instants;
     for (const auto& entry : fs::directory_iterator(whole / "eval"))
         EXPECT_EQ(read_file(killed / "eval" / entry.path().filename()), read_file(entry.path())) << instants;
+}
+
+TEST(ResumeOptions, CanBeTyped) {
+    EXPECT_EQ(resume_options("runs/my run"), "--resume --run-dir 'runs/my run'");
+    EXPECT_EQ(resume_options("runs/1"), "--resume --run-dir runs/1");
 }
 
 INSTANTIATE_TEST_SUITE_P(Programs, ResumeSlow, testing::ValuesIn(cases()),

@@ -45,6 +45,14 @@ TEST(TimeReport, SaysWhatIsMissing) {
                 ThrowsMessage<std::runtime_error>(HasSubstr("time/environment")));
 }
 
+TEST(TimeReport, RefusesARowWithoutNumbers) {
+    const test::TemporaryFolder folder;
+    folder.write("progress.csv", kHeader + "1000,4000,nan,500,,0,1,0,0,0,0\n");
+    EXPECT_THAT([&] { time_report(folder.path()); },
+                ThrowsMessage<std::runtime_error>(
+                    HasSubstr("progress.csv is damaged: a row without steps or seconds")));
+}
+
 TEST(ReadProgress, RefusesWhatIsNoTable) {
     const test::TemporaryFolder folder;
     const auto path = folder.path() / "progress.csv";
