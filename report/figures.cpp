@@ -46,16 +46,15 @@ void draw_interval(Picture& picture, const Panel& panel, const Estimate& estimat
     constexpr double kHalf = 8;
     const auto colour = series_colour(series);
     const Belonging of{.series = static_cast<int>(series)};
-    if (with_interval) {
-        picture.areas.push_back(rectangle(panel.to_x(estimate.low), y - kHalf, panel.to_x(estimate.high),
-                                          y + kHalf, colour, 0.55));
-        picture.areas.back().of = of;
-    } else {
-        picture.marks.push_back(disc({panel.to_x(estimate.value), y}, 4, colour));
+    const double x = panel.to_x(estimate.value);
+    if (!with_interval) {
+        picture.marks.push_back(disc({x, y}, 4, colour));
         picture.marks.back().of = of;
         return;
     }
-    const double x = panel.to_x(estimate.value);
+    picture.areas.push_back(
+        rectangle(panel.to_x(estimate.low), y - kHalf, panel.to_x(estimate.high), y + kHalf, colour, 0.55));
+    picture.areas.back().of = of;
     picture.lines.push_back({{{x, y - kHalf}, {x, y + kHalf}}, kInk, 1.8, false, of});
 }
 

@@ -114,7 +114,7 @@ double iteration_of(const Run& run, const EpisodeHistory& episodes) {
     return std::min(all / 10, kLongestIteration);
 }
 
-void read_training(Run& run, const EpisodeHistory& episodes) {
+void read_scores(Run& run, const EpisodeHistory& episodes) {
     const double iteration = iteration_of(run, episodes);
     auto curve = mean_returns(episodes, iteration, run.reached);
     run.steps = std::move(curve.steps);
@@ -344,6 +344,41 @@ void set_rules(Run& run, const std::map<std::string, std::string>& settings) {
     if (run.env) run.env->game = run.game->name;
 }
 
+/// Sets what is known of the training: its score, events and rewards.
+void read_training_run(Run& run, const EpisodeHistory& episodes, const Progress& progress) {
+    if (episodes.steps.empty())
+        throw std::runtime_error(episodes.cut_line
+                                     ? (run.folder / "episodes.csv").string() + " is cut: it has no whole row"
+                                     : "no game of its training has ended");
+    check_episodes(run, episodes, progress);
+    read_scores(run, episodes);
+    run.settings.erase("eval.noop_max");
+    if (const auto file = run.folder / "joystick_events.csv"; fs::exists(file))
+        run.event_shares = read_event_shares(file);
+    try {
+        read_rewards(run, evaluations_of(run.folder).folder);
+    } catch (const std::exception& error) {
+        run.doubts.push_back(
+            fmt::format("{}: its rewards are left out: {}", run.folder.string(), error.what()));
+    }
+}
+
+/// The same of its evaluations.
+void read_evaluated_run(Run& run) {
+    const auto evaluations = evaluations_of(run.folder);
+    read_evaluations(run, evaluations);
+    if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");
+    // The rules are those that were played by.
+    auto settings = evaluations.protocol.settings;
+    settings.insert(run.settings.begin(), run.settings.end());
+    set_rules(run, settings);
+    run.reached = run.steps.back();
+    run.finished = run.finished && run.reached >= run.total_steps;
+    if (const auto files = named_by_step(evaluations.folder, "_events.csv"); !files.empty())
+        run.event_shares = read_event_shares(files.back());
+    read_rewards(run, evaluations.folder);
+}
+
 Run read_run(const fs::path& folder, ScoreKind kind) {
     Run run{.folder = folder};
     const auto episodes = read_episodes(folder / "episodes.csv");
@@ -364,36 +399,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     const bool logged_only = progress.checkpoint.empty() && !fs::exists(folder / "metadata.json");
     const double log_every = logged_only ? number_or_0(run, "log.every") : 0;
     run.finished = run.reached + log_every >= run.total_steps;
-    if (kind == ScoreKind::training) {
-        if (episodes.steps.empty())
-            throw std::runtime_error(episodes.cut_line
-                                         ? (folder / "episodes.csv").string() + " is cut: it has no whole row"
-                                         : "no game of its training has ended");
-        check_episodes(run, episodes, progress);
-        read_training(run, episodes);
-        run.settings.erase("eval.noop_max");
-        if (const auto file = folder / "joystick_events.csv"; fs::exists(file))
-            run.event_shares = read_event_shares(file);
-        try {
-            read_rewards(run, evaluations_of(folder).folder);
-        } catch (const std::exception& error) {
-            run.doubts.push_back(
-                fmt::format("{}: its rewards are left out: {}", folder.string(), error.what()));
-        }
-    } else {
-        const auto evaluations = evaluations_of(folder);
-        read_evaluations(run, evaluations);
-        if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");
-        // The rules are those that were played by.
-        auto settings = evaluations.protocol.settings;
-        settings.insert(run.settings.begin(), run.settings.end());
-        set_rules(run, settings);
-        run.reached = run.steps.back();
-        run.finished = run.finished && run.reached >= run.total_steps;
-        if (const auto files = named_by_step(evaluations.folder, "_events.csv"); !files.empty())
-            run.event_shares = read_event_shares(files.back());
-        read_rewards(run, evaluations.folder);
-    }
+    kind == ScoreKind::training ? read_training_run(run, episodes, progress) : read_evaluated_run(run);
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
     std::erase_if(run.settings,
                   [](const auto& setting) { return is_game_or_seed(setting.first); });  // Run has them

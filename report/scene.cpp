@@ -48,17 +48,17 @@ void draw_text(cv::Mat& image, const std::string& words, cv::Point position, dou
 }
 
 /// Where the stick is in the unit disc, y up, and how far the button is pressed.
-struct Joystick {
+struct StickState {
     cv::Point2d stick;
     double fire;
 };
 
-Joystick commanded(const Scene& scene) {
+StickState commanded(const Scene& scene) {
     const auto action = scene.action.value_or(event_stick(scene.event));
     return {{action.radius * std::cos(action.theta), action.radius * std::sin(action.theta)}, action.fire};
 }
 
-Joystick joystick_of(const Scene& scene) {
+StickState joystick_of(const Scene& scene) {
     if (scene.stick) return {{scene.stick->x, scene.stick->y}, scene.stick->button};
     return commanded(scene);
 }

@@ -94,19 +94,20 @@ class Reader {
   private:
     /// A key that varies is in one section.
     void check_sections(Contents& contents) const {
-        const auto require_other = [&](Grid& grid, const std::string& key, const char* first,
-                                       const char* second) {
+        const auto refuse_repeated = [&](Grid& grid, const std::string& key, const char* first,
+                                         const char* second) {
             if (find(grid, key) == nullptr) return;
             throw ConfigError(fmt::format("{}: '{}' is in '{}' and in '{}'; leave it in one of them",
                                           file_.string(), key, first, second));
         };
         for (const auto& variant : contents.variants) {
-            for (const auto& axis : variant) require_other(contents.grid, axis.key, "grid", "variants");
+            for (const auto& axis : variant) refuse_repeated(contents.grid, axis.key, "grid", "variants");
         }
         if (!contents.search) return;
         for (const auto& setting : contents.search->settings) {
-            require_other(contents.grid, setting.key, "grid", "search");
-            for (auto& variant : contents.variants) require_other(variant, setting.key, "variants", "search");
+            refuse_repeated(contents.grid, setting.key, "grid", "search");
+            for (auto& variant : contents.variants)
+                refuse_repeated(variant, setting.key, "variants", "search");
         }
     }
 
