@@ -181,6 +181,10 @@ void require_no_run(const fs::path& run_dir) {
 NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
     try {
         if (line.run_dir.empty()) return NewFolder::with_a_free_name(run_dir);
+        if (RunLock::is_taken(run_dir))
+            throw ConfigError(
+                fmt::format("--run-dir {}: another process is training in there; choose another folder",
+                            run_dir.string()));
         require_no_run(run_dir);
         return NewFolder(run_dir);
     } catch (const fs::filesystem_error& error) {

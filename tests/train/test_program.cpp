@@ -800,6 +800,9 @@ TEST(ProgramEmulator, ARunIsTrainedByOneProcessAtATime) {
     const auto second = train_sac({"--resume", "--run-dir", folder.path().string(), "train.total_steps=20"});
     EXPECT_EQ(second.code, 1);
     EXPECT_THAT(second.stderr_text, testing::HasSubstr("is training in " + folder.path().string()));
+    EXPECT_THAT(train_sac(small(folder.path())).stderr_text,
+                testing::HasSubstr(": another process is training in there;"))
+        << "which no --resume would help";
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("total_steps: 12"));
 }
 
