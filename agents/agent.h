@@ -7,13 +7,11 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <torch/types.h>
 
 #include "agents/time_split.h"
 #include "networks/layers.h"
-#include "networks/policy_weights.h"
 #include "policy/network_spec.h"
 #include "world/spaces.h"
 #include "world/step_result.h"
@@ -73,10 +71,14 @@ struct AgentPolicy {
     double epsilon = 0;    // probability of a uniform action
 };
 
-/// Returns the policy of a network with a member `acting`, such as SacNetwork.
+/// Returns the policy of a network, of which `acting` is the half that acts, with its weights as they are now
+/// (networks/policy_weights.h).
+AgentPolicy policy_of(const NetworkSpec& acting, const torch::nn::Module& network, bool samples,
+                      double epsilon);
+/// The same of a network with a member `acting`, such as SacNetwork.
 template <class Network>
 AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {
-    return {network->acting, policy_weights(network->acting, *network), samples, epsilon};
+    return policy_of(network->acting, *network, samples, epsilon);
 }
 
 /// With exploration (train), or as in evaluations (evaluate).

@@ -12,9 +12,11 @@ torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Te
                                    const torch::Tensor& support) {
     const auto spacing = (support[-1] - support[0]) / (support.size(0) - 1);
     const auto clipped = returns.clamp(support[0], support[-1]).unsqueeze(1);  // [B, 1, atoms]
-    // An atom takes from each return what is closer to it than one spacing.
-    const auto share = (1 - (clipped - support.unsqueeze(1)).abs() / spacing).clamp(0, 1);  // [B, to, from]
-    return (share * probabilities.unsqueeze(1)).sum(2);
+    // An atom takes from each return what is closer to it than one spacing. In place, as with many atoms this
+    // is the largest tensor of an update.
+    auto share = clipped - support.unsqueeze(1);  // [B, to, from]
+    share.abs_().div_(-spacing).add_(1).clamp_(0, 1).mul_(probabilities.unsqueeze(1));
+    return share.sum(2);
 }
 
 torch::Tensor cross_entropy(const torch::Tensor& target, const torch::Tensor& logits) {
@@ -32,18 +34,16 @@ torch::Tensor CriticSettings::support() const {
 
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
-    if (!support.defined()) {
-        const auto q = critic_values(outputs, support).estimate(estimate);
-        return {.values = bootstrapped(batch, q + bonus, reward_scale)};
-    }
+    const auto q = critic_values(outputs, support);
+    CriticTargets targets{.values = bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale)};
+    if (!support.defined()) return targets;
     const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
-    const TwinValues q{p1.matmul(support), p2.matmul(support)};
     const auto next =
         estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
     // The entropy's part moves every atom by the same distance.
     const auto returns = bootstrapped(batch, support + bonus.unsqueeze(1), reward_scale);  // [B, atoms]
-    return {bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale),
-            project_distribution(returns, next, support)};
+    targets.distribution = project_distribution(returns, next, support);
+    return targets;
 }
 
 torch::Tensor critic_loss(const TwinValues& outputs, const torch::Tensor& support,

@@ -5,7 +5,6 @@
 #include <span>
 #include <string_view>
 
-#include <ATen/core/Generator.h>
 #include <torch/types.h>
 
 #include "cale/fields.h"

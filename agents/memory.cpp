@@ -6,6 +6,12 @@
 
 namespace cale {
 
+std::int64_t parameter_bytes(const torch::nn::Module& module) {
+    std::int64_t bytes = 0;
+    for (const auto& parameter : module.parameters()) bytes += parameter.numel() * parameter.element_size();
+    return bytes;
+}
+
 std::int64_t memory_beside(const NetworkMemory& networks, const AgentSpec& spec, std::int64_t available) {
     const std::int64_t stored = networks.target ? 4 : 3;  // parameters, two moments, the target
     const std::int64_t copies = spec.device.is_cpu() ? 2 * stored + 1 : stored;

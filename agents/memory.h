@@ -11,6 +11,9 @@
 
 namespace cale {
 
+/// Returns the bytes of all parameters of a module.
+std::int64_t parameter_bytes(const torch::nn::Module& module);
+
 /// The memory of a network and its target.
 struct NetworkMemory {
     std::int64_t parameters;    // bytes of the network's parameters

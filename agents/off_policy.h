@@ -24,7 +24,6 @@
 #include "agents/state.h"
 #include "agents/time_split.h"
 #include "cale/fields.h"
-#include "replay/random_shift.h"
 #include "replay/replay.h"
 
 namespace cale {
@@ -173,7 +172,7 @@ bool is_prioritised(const Config& config) {
 struct Acting {
     ActMode mode;        // with exploration, or as evaluations act
     double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
-    bool draws_epsilon;  // whether actions may be uniform; else nothing is drawn, as by policy files
+    bool draws_epsilon;  // of SAC and SAC-D: actions may be uniform; else nothing is drawn
     at::Generator random;  // of training or of evaluation, on the CPU
 
     bool training() const { return mode == ActMode::train; }  // otherwise evaluation
@@ -288,13 +287,10 @@ class OffPolicy final : public Agent {
         return false;
     }
 
-    /// The batch as an algorithm sees it, on memory of its own where it is changed.
-    Batch augmented(Batch batch) const {
+    /// The batch as an algorithm sees it.
+    Batch augmented(const Batch& batch) const {
         const auto pad = algorithm_.config.replay.random_shift;
-        if (pad == 0) return batch;
-        batch.observation = random_shift(batch.observation, pad, random_.updates);
-        batch.next_observation = random_shift(batch.next_observation, pad, random_.updates);
-        return batch;
+        return pad > 0 ? randomly_shifted(batch, pad, random_.updates) : batch;
     }
 
     void learn() {

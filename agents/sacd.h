@@ -14,7 +14,7 @@
 #include "agents/actor_critic_state.h"
 #include "agents/agent.h"
 #include "cale/fields.h"
-#include "networks/actor_critic.h"
+#include "networks/sacd_network.h"
 
 namespace cale {
 

@@ -1,10 +1,7 @@
 // Where the wall time of a run goes.
 #pragma once
 
-#include <array>
 #include <chrono>
-#include <string_view>
-#include <utility>
 
 namespace cale {
 
@@ -16,20 +13,6 @@ struct TimeSplit {
     double act = 0;          // actions chosen
     double update = 0;       // gradient steps
     double log = 0;          // rows, checkpoints, evaluations
-
-    using Part = std::pair<std::string_view, double TimeSplit::*>;
-    static constexpr std::array<Part, 6> kParts{{{"environment", &TimeSplit::environment},
-                                                 {"replay", &TimeSplit::replay},
-                                                 {"transfer", &TimeSplit::transfer},
-                                                 {"act", &TimeSplit::act},
-                                                 {"update", &TimeSplit::update},
-                                                 {"log", &TimeSplit::log}}};
-
-    double total() const {
-        double sum = 0;
-        for (const auto& [name, part] : kParts) sum += this->*part;
-        return sum;
-    }
 };
 
 /// Adds the seconds from its birth to its end to `seconds`.

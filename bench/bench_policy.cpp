@@ -15,6 +15,7 @@
 
 #include "policy/encoder_layers.h"
 #include "policy/inference_plan.h"
+#include "policy/network_parameters.h"
 #include "policy/onnx/onnx.h"
 #include "policy/policy_file.h"
 #include "policy/policy_lite.h"

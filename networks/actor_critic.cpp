@@ -2,21 +2,16 @@
 
 #include <utility>
 
-#include <torch/nn/module.h>
 #include <torch/types.h>
 
 namespace cale {
-namespace {
 
-/// The actor on its branch of the encoder.
 NetworkSpec acting_half(const EncoderConfig& config, const TwoBranchEncoder& encoder,
                         const HeadConfig& hidden, const Head& head) {
     return {config.observation,
             chain({prefixed("encoder.", encoder->actor_layers), prefixed("actor.", hidden_layers(hidden))}),
             head};
 }
-
-}  // namespace
 
 TwinValues critic_values(const TwinValues& outputs, const torch::Tensor& support) {
     if (!support.defined()) return {outputs.q1.squeeze(1), outputs.q2.squeeze(1)};
@@ -50,18 +45,6 @@ TwinValues SacNetworkImpl::outputs(const torch::Tensor& critic_z, const torch::T
 
 TwinValues SacNetworkImpl::values(const torch::Tensor& critic_z, const torch::Tensor& action) {
     return critic_values(outputs(critic_z, action), support);
-}
-
-SacdNetworkImpl::SacdNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
-                                 std::int64_t num_actions, at::Generator generator)
-    : encoder(register_module("encoder", TwoBranchEncoder(encoder_config, generator))),
-      actor(register_module("actor", Mlp(encoder->size(), num_actions, head_config, generator))),
-      critic(register_module("critic", TwinCritic(encoder->size(), num_actions, head_config, generator))),
-      acting(acting_half(encoder_config, encoder, head_config,
-                         {.kind = Head::Kind::categorical, .num_actions = num_actions})) {}
-
-torch::Tensor SacdNetworkImpl::log_policy(const torch::Tensor& features) {
-    return actor(encoder->actor_branch(features)).log_softmax(1);
 }
 
 namespace {

@@ -1,4 +1,4 @@
-// One encoder, one actor and two critics: the networks of SAC and of SAC-D.
+// One encoder, one actor and two critics: the network of SAC, and what that of SAC-D (sacd_network.h) shares.
 #pragma once
 
 #include <cstdint>
@@ -41,21 +41,9 @@ class SacNetworkImpl : public torch::nn::Module {
 };
 using SacNetwork = torch::nn::ModuleHolder<SacNetworkImpl>;
 
-/// A categorical actor, and critics that value every action of a state.
-class SacdNetworkImpl : public torch::nn::Module {
-  public:
-    SacdNetworkImpl(const EncoderConfig& encoder_config, const HeadConfig& head_config,
-                    std::int64_t num_actions, at::Generator generator);
-
-    /// log pi(. | s) [B, A] on the encoder's features [B, F]; its gradient does not reach the trunk.
-    torch::Tensor log_policy(const torch::Tensor& features);
-
-    TwoBranchEncoder encoder{nullptr};  // parameters encoder.*
-    Mlp actor{nullptr};                 // actor.*: logits [B, A]
-    TwinCritic critic{nullptr};         // critic.q1.*, critic.q2.*
-    NetworkSpec acting;                 // the half that acts
-};
-using SacdNetwork = torch::nn::ModuleHolder<SacdNetworkImpl>;
+/// Returns the specification of an actor on its branch of the encoder.
+NetworkSpec acting_half(const EncoderConfig& config, const TwoBranchEncoder& encoder,
+                        const HeadConfig& hidden, const Head& head);
 
 /// The parameters that an actor's loss trains, actor.* and encoder.actor_*, and those that the
 /// critics' loss trains: the rest.

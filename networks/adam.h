@@ -2,7 +2,6 @@
 // one by one and cannot be captured in a CUDA graph.
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>

@@ -59,6 +59,11 @@ ActionBox action_box(const ActionSpace& space) {
     const auto joystick = joystick_space();
     if (limits == nullptr || (limits->low == joystick.low && limits->high == joystick.high))
         return joystick_box();  // pi in double precision
+    for (std::size_t i = 0; i < limits->low.size(); ++i)
+        if (!std::isfinite(limits->low[i]) || !std::isfinite(limits->high[i]) ||
+            !(limits->low[i] < limits->high[i]))
+            throw std::invalid_argument(
+                "the limits of an action's coordinates must be finite, low below high");
     const auto low = torch::tensor(at::ArrayRef<float>(limits->low));
     const auto high = torch::tensor(at::ArrayRef<float>(limits->high));
     ActionBox box{(low + high) / 2, (high - low) / 2};

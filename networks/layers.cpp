@@ -44,12 +44,6 @@ Initialiser zeros() {
     return [](torch::Tensor& weight, const at::Generator&) { torch::nn::init::zeros_(weight); };
 }
 
-std::int64_t parameter_bytes(const torch::nn::Module& module) {
-    std::int64_t bytes = 0;
-    for (const auto& parameter : module.parameters()) bytes += parameter.numel() * parameter.element_size();
-    return bytes;
-}
-
 namespace {
 
 /// Where a layer that is made with this generator is.

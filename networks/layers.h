@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,6 +20,9 @@
 
 namespace cale {
 
+/// Tensors by name: a network's parameters, an agent's state, the contents of a safetensors file.
+using TensorMap = std::map<std::string, torch::Tensor>;
+
 /// What convolutions and products compute in. bf16: bfloat16; parameters, LayerNorm's sums, losses and
 /// optimisers stay float32 (Micikevicius et al. 2018, "Mixed Precision Training", without scaled losses).
 enum class Precision { float32, bf16 };
@@ -32,8 +36,6 @@ using Initialiser = std::function<void(torch::Tensor& weight, at::Generator gene
 inline at::Generator no_values() {
     return {};
 }
-/// Bytes of all parameters of a module.
-std::int64_t parameter_bytes(const torch::nn::Module& module);
 
 /// A (semi-)orthogonal [out, in * rows * columns] matrix times `gain` (Saxe et al. 2014).
 Initialiser orthogonal(double gain = 1);

@@ -7,6 +7,7 @@
 #include <torch/utils.h>
 
 #include "networks/layers.h"
+#include "policy/network_parameters.h"
 
 namespace cale {
 namespace {

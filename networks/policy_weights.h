@@ -1,18 +1,12 @@
 // The weights of the half of a network that acts, as a policy file stores them.
 #pragma once
 
-#include <map>
-#include <string>
-
 #include <torch/nn/module.h>
-#include <torch/types.h>
 
+#include "networks/layers.h"
 #include "policy/network_spec.h"
 
 namespace cale {
-
-/// Tensors by name: a network's parameters, an agent's state, the contents of a safetensors file.
-using TensorMap = std::map<std::string, torch::Tensor>;
 
 /// Returns the parameters of `spec` by the names of parameter_shapes(), float32 on the CPU in memory of their
 /// own: those of `module` that are called so. Of noisy layers `weight` and `bias` are the means; log standard

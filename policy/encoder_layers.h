@@ -39,9 +39,10 @@ Layers mlp(bool layer_norm = false);
 /// No layer at all: the observation's numbers one behind the other.
 Layers flat();
 
-/// What follows phi_sac on a branch of CALE's agents: `name`_fc (50 units), `name`_ln, tanh.
+/// The narrow branch of CALE's agents: `name`_fc (50 units), `name`_ln, tanh. Which encoder has which is in
+/// networks/encoders.h.
 Layers tanh_branch(const std::string& name);
-/// What follows the other encoders: `name`_fc (512 units), `name`_ln where `layer_norm`, ReLU.
+/// The wide branch: `name`_fc (512 units), `name`_ln where `layer_norm`, ReLU.
 Layers relu_branch(const std::string& name, bool layer_norm);
 
 /// fc1, fc2, ... of `units` each, each with its activation, Layer::Kind::relu or tanh, and ln1, ln2, ...

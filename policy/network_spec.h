@@ -3,10 +3,8 @@
 // cale::lite::Policy (inference_plan.h) and the ONNX graph (policy/onnx/).
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <initializer_list>
-#include <numbers>
 #include <span>
 #include <string>
 #include <string_view>
@@ -107,9 +105,6 @@ struct NetworkSpec {
 /// Returns whether a layer of the network is noisy.
 bool is_noisy(const NetworkSpec& network);
 
-/// Returns the outputs of a head of values, of num_atoms each: one for each action or choice.
-std::int64_t num_outputs(const Head& head);
-
 // What a reader builds from a specification ---------------------------------------------
 
 /// Channels, rows and columns of an image; of a vector only channels.
@@ -134,20 +129,5 @@ struct SizedLayer : Layer {
 std::vector<SizedLayer> sized_layers(const Layers& layers, const std::vector<std::int64_t>& input);
 /// The same for all layers of a network, whose last result must be a vector.
 std::vector<SizedLayer> sized_layers(const NetworkSpec& network);
-
-/// Returns the head's dense layers on so many inputs: actor.out, actor.mean, head.out, or head.adv and
-/// head.value.
-std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs);
-
-/// A parameter of a network, float32.
-struct ParameterShape {
-    std::string name;
-    std::vector<std::int64_t> shape;
-};
-/// Returns every parameter of the network: "encoder.conv1.weight", ... Throws as sized_layers() does.
-std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network);
-
-/// Returns the numbers of Policy::output.
-std::int64_t output_size(const Head& head);
 
 }  // namespace cale

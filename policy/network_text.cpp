@@ -9,6 +9,7 @@
 #include "cale/fields.h"
 #include "cale/text.h"
 #include "policy/json.h"
+#include "policy/network_parameters.h"
 
 namespace cale {
 

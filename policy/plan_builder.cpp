@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "policy/factor_means.h"
+#include "policy/network_parameters.h"
 
 namespace cale::lite {
 namespace {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "policy/json.h"
+#include "policy/network_parameters.h"
 #include "policy/network_text.h"
 #include "policy/policy_texts.h"
 
@@ -155,7 +156,7 @@ std::map<std::string, std::string> policy_file_texts(const PolicyFile& policy) {
     auto texts = texts_of(policy.info, policy.network);
     texts.emplace(kFormat, texts.contains("joystick") ? kVersion : kVersionOfPolar);
     for (const auto& [key, text] : policy.info.provenance) {
-        if (key == kChecksum || !texts.emplace(key, text).second)
+        if (key == kChecksum || key == "joystick" || !texts.emplace(key, text).second)
             throw std::invalid_argument(joined({"provenance cannot be called '", key, "'"}));
     }
     return texts;

@@ -7,6 +7,7 @@
 
 #include "policy/inference_plan.h"
 #include "policy/kernels.h"
+#include "policy/network_parameters.h"
 
 namespace cale::lite {
 namespace {

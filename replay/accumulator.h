@@ -11,6 +11,20 @@
 
 namespace cale {
 
+/// The number of a frame: 0, 1, 2, ... in the order they were stored.
+using FrameId = std::int64_t;
+/// Stands for a frame of zeros, before an episode's first.
+inline constexpr FrameId kBlankFrame = -1;
+
+/// One agent step: the frame the action was chosen on, and the reward that followed.
+struct StoredStep {
+    FrameId frame = 0;  // that the action was chosen on
+    double reward = 0;  // of the step
+};
+
+/// How a step ended its episode.
+enum class EpisodeEnd { none, terminal, truncated };
+
 /// An n-step transition, valid during the call that passes it.
 struct Transition {
     std::span<const FrameId> observation;  // stack of frames, newest last

@@ -6,6 +6,8 @@
 
 #include <ATen/Parallel.h>
 
+#include "replay/replay.h"
+
 namespace cale {
 namespace {
 
@@ -63,6 +65,12 @@ torch::Tensor random_shift(const torch::Tensor& frames, std::int64_t pad, const 
     if (pad < 0) throw std::invalid_argument("random_shift needs a pad of at least 0");
     const auto options = torch::dtype(torch::kInt64).device(frames.device());
     return shifted(frames, torch::randint(-pad, pad + 1, {frames.size(0), 2}, random, options));
+}
+
+Batch randomly_shifted(Batch batch, std::int64_t pad, const at::Generator& random) {
+    batch.observation = random_shift(batch.observation, pad, random);
+    batch.next_observation = random_shift(batch.next_observation, pad, random);
+    return batch;
 }
 
 }  // namespace cale

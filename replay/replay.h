@@ -5,8 +5,8 @@
 #include <memory>
 #include <optional>
 #include <random>
-#include <vector>
 
+#include <ATen/core/Generator.h>
 #include <torch/types.h>
 
 #include "replay/types.h"
@@ -14,16 +14,7 @@
 namespace cale {
 
 struct FrameRing;
-
-/// The state of a replay besides frames and transitions.
-struct ReplayState {
-    FrameId frames_end = 0;                          // frames ever stored
-    std::int64_t transitions_begin = 0;              // the oldest stored transition
-    std::int64_t transitions_end = 0;                // transitions ever stored
-    std::vector<std::vector<StoredStep>> windows{};  // the unfinished one of each environment
-    std::vector<double> priorities{};                // of each slot, if prioritised
-    double largest_priority = 1;                     // that was ever given
-};
+struct ReplayState;
 
 /// Not thread-safe: the caller must prevent overlapping calls.
 class Replay {
@@ -78,6 +69,9 @@ class Replay {
     /// snapshot of the current ring is being read.
     virtual void restore(std::unique_ptr<FrameRing> ring, ReplayState state) = 0;
 };
+
+/// Returns the batch with every observation moved by random_shift(), in memory of its own.
+Batch randomly_shifted(Batch batch, std::int64_t pad, const at::Generator& random);
 
 /// Returns a ReplayBuffer; see there.
 std::unique_ptr<Replay> make_replay(const ReplayConfig& config, std::optional<torch::Device> mirror);

@@ -24,6 +24,16 @@ namespace cale {
 /// The largest priority: the largest float32. The sum over a full replay cannot overflow.
 inline constexpr double kMaxPriority = std::numeric_limits<float>::max();
 
+/// The state of a replay besides frames and transitions.
+struct ReplayState {
+    FrameId frames_end = 0;                          // frames ever stored
+    std::int64_t transitions_begin = 0;              // the oldest stored transition
+    std::int64_t transitions_end = 0;                // transitions ever stored
+    std::vector<std::vector<StoredStep>> windows{};  // the unfinished one of each environment
+    std::vector<double> priorities{};                // of each slot, if prioritised
+    double largest_priority = 1;                     // that was ever given
+};
+
 /// See Replay for what it overrides. Not thread-safe: the caller must prevent overlapping calls, except const
 /// ones without a mirror. Saving and loading: replay_snapshot.h.
 class ReplayBuffer final : public Replay {

@@ -54,20 +54,6 @@ struct Batch {
     torch::Tensor probability = {};  // [B] float32: with which each one was drawn
 };
 
-/// The number of a frame: 0, 1, 2, ... in the order they were stored.
-using FrameId = std::int64_t;
-/// Stands for a frame of zeros, before an episode's first.
-inline constexpr FrameId kBlankFrame = -1;
-
-/// One agent step: the frame the action was chosen on, and the reward that followed.
-struct StoredStep {
-    FrameId frame = 0;  // that the action was chosen on
-    double reward = 0;  // of the step
-};
-
-/// How a step ended its episode.
-enum class EpisodeEnd { none, terminal, truncated };
-
 /// Throws std::invalid_argument, naming the environment and the value, for a reward that is no finite number.
 void require_finite_rewards(std::span<const StepResult> results);
 

@@ -13,8 +13,6 @@
 namespace cale {
 namespace {
 
-constexpr double kHighestScore = 1e12;
-
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
     const auto text = fmt::format("{}", fmt::join(cells, ","));

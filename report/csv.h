@@ -10,6 +10,9 @@
 
 namespace cale {
 
+/// No game counts further: a higher score indicates a damaged file, and sums of such could overflow.
+inline constexpr double kHighestScore = 1e12;
+
 /// A file's header and rows. A cell may be quoted, but holds no line break.
 struct CsvTable {
     std::filesystem::path path{};
@@ -23,8 +26,7 @@ struct CsvTable {
     std::optional<std::size_t> find(std::string_view column) const;
     /// Throws std::runtime_error that names the file and the line where the cell is no finite number.
     double number(std::size_t row, std::size_t column) const;
-    /// The same for a game's score, which no game lets grow beyond 1e12: a larger one indicates a damaged
-    /// file, and sums of such could overflow.
+    /// The same for a game's score, up to kHighestScore either way.
     double score(std::size_t row, std::size_t column) const;
 };
 

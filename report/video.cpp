@@ -118,11 +118,11 @@ void VideoWriter::close() {
     const bool opened = film.open(impl_->path.string(), cv::CAP_FFMPEG);
     const auto frames = opened ? std::llround(film.get(cv::CAP_PROP_FRAME_COUNT)) : 0;
     if (frames != impl_->frames) {
-        const auto reason = reason_against_writing(impl_->path);
-        throw std::runtime_error(
-            fmt::format("the film {} is damaged: {} of its {} frames can be read back; {}",
-                        impl_->path.string(), frames, impl_->frames,
-                        reason ? "its end could not be written: " + reason.message() : "is the disk full?"));
+        const auto text = fmt::format("the film {} is damaged: {} of its {} frames can be read back",
+                                      impl_->path.string(), frames, impl_->frames);
+        if (const auto reason = reason_against_writing(impl_->path))
+            throw std::system_error(reason, text + "; its end could not be written");
+        throw std::runtime_error(text + "; is the disk full?");
     }
 }
 

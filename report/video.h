@@ -26,7 +26,7 @@ class VideoWriter {
     /// height x width x RGB.
     void write(std::span<const std::uint8_t> rgb);
     /// Finishes the film and reads it back. Throws std::runtime_error if frames are missing, as they
-    /// are when the disk is full.
+    /// are when the disk is full: std::system_error where the system says why.
     void close();
     /// "H.264" or "MPEG-4".
     std::string_view codec() const;

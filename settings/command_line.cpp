@@ -77,7 +77,7 @@ void check_threads(const std::string& threads) {
 std::int64_t agent_step(const std::string& until) {
     std::int64_t step = 0;
     try {
-        read_setting("--until", {.low = 1}, until, &step);
+        read_setting("--until", {.low = 1, .high = 1e12}, until, &step);
     } catch (const std::invalid_argument& error) {
         throw ConfigError(error.what());
     }

@@ -17,6 +17,7 @@
 #include "storage/step_name.h"
 #include "terminal/failure.h"
 #include "train/agent_file.h"
+#include "train/resume.h"
 #include "train/safetensors.h"
 
 namespace cale {
@@ -195,6 +196,11 @@ void link_best(const fs::path& link, const std::optional<fs::path>& best) {
         return;
     }
     if (fs::read_symlink(link, ignored) == best->filename()) return;
+    if (fs::is_directory(fs::symlink_status(link)))
+        throw std::runtime_error(fmt::format(
+            "{} is no link to a checkpoint but a folder, as in a copy that followed links: remove it, then "
+            "resume with {}",
+            link.string(), resume_options(link.parent_path().parent_path())));
     const fs::path partial = link.string() + kPartial;
     fs::remove(partial);
     fs::create_directory_symlink(best->filename(), partial);

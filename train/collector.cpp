@@ -223,15 +223,15 @@ void Collector::restore(const TensorMap& state) {
             records[i][name].assign(bytes, bytes + tensor.nbytes());
         }
     }
-    const auto global = frames_.size() / count * all, stack_size = stack_.data().size();
-    const auto frames = stored_values<std::uint8_t>(state, "frames", global);
-    const auto stack = stored_values<std::uint8_t>(state, "stack", stack_size / count * all);
+    const auto stack_size = stack_.data().size() / count;  // of an environment
+    const auto frames = stored_values<std::uint8_t>(state, "frames", frame_size_ * all);
+    const auto stack = stored_values<std::uint8_t>(state, "stack", stack_size * all);
     const auto returns = stored_values<double>(state, "episode_returns", all);
     const auto lengths = stored_values<std::int64_t>(state, "episode_lengths", all);
     world_->resume(records);
-    std::ranges::copy(frames.subspan(frames_.size() / count * first, frames_.size()), frames_.begin());
+    std::ranges::copy(frames.subspan(frame_size_ * first, frames_.size()), frames_.begin());
     final_frames_ = frames_;  // the last one of a game that its world cannot continue
-    stack_.assign(stack.subspan(stack_size / count * first, stack_size));
+    stack_.assign(stack.subspan(stack_size * first, stack_size * count));
     for (std::size_t i = 0; i < all; ++i) {
         episodes_[i].episode_return = returns[i];
         episodes_[i].length = lengths[i];

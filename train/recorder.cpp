@@ -14,6 +14,7 @@
 #include "evaluate/evaluation.h"
 #include "evaluate/evaluation_progress.h"
 #include "replay/replay_buffer.h"
+#include "report/csv.h"
 #include "report/learning_curve.h"
 #include "storage/step_name.h"
 #include "terminal/console.h"
@@ -22,6 +23,7 @@
 #include "train/dormant_units.h"
 #include "train/event_file.h"
 #include "train/resume.h"
+#include "train/time_report.h"
 
 namespace cale {
 namespace fs = std::filesystem;
@@ -262,6 +264,11 @@ Outcome Recorder::finish() {
 // Rows ------------------------------------------------------------------------------------
 
 void Recorder::write_episode(const Episode& episode) {
+    // What no reader of episodes.csv would take.
+    if (!(std::abs(episode.episode_return) <= kHighestScore))
+        throw std::runtime_error(fmt::format(
+            "a game ended with a return of {}, of which none may be beyond {:g}: the world is at fault",
+            episode.episode_return, kHighestScore));
     ++state_.episodes;
     auto& recent = state_.recent_returns;
     recent.push_back(episode.episode_return);
@@ -295,8 +302,9 @@ void Recorder::write_row(bool to_tensorboard) {
     update_metrics();
     auto metrics = state_.metrics;
     // Nothing was measured where a run is resumed at its end.
-    for (const auto& [name, part] : TimeSplit::kParts)
-        if (time.total() > 0) metrics[fmt::format("time/{}", name)] = time.*part / time.total();
+    const double all_parts = total_seconds(time);
+    for (const auto& [name, part] : kTimeParts)
+        if (all_parts > 0) metrics[fmt::format("time/{}", name)] = time.*part / all_parts;
     time = {};
     if (std::any_of(std::next(state_.joystick_events.begin()), state_.joystick_events.end(),
                     std::identity())) {
@@ -435,7 +443,7 @@ bool Recorder::run_evaluation() {
 /// The evaluation at the end, behind the last checkpoint, which is written once more with its score and what
 /// it drew. Returns false where a signal has cut it off.
 bool Recorder::run_last_evaluation() {
-    // A longer run must not know of one that it does not have.
+    // A longer run's agent must not know of one that it does not have.
     const bool due = last_evaluation_due();
     const bool forgets = !due && evaluations_decide() && options_.processes.single();
     const auto agent_before = forgets ? agent_.state() : TensorMap();

@@ -5,10 +5,15 @@
 
 #include <fmt/format.h>
 
-#include "agents/time_split.h"
 #include "train/log.h"
 
 namespace cale {
+
+double total_seconds(const TimeSplit& split) {
+    double sum = 0;
+    for (const auto& [name, part] : kTimeParts) sum += split.*part;
+    return sum;
+}
 
 std::string time_report(const std::filesystem::path& run_dir) {
     const auto path = run_dir / "progress.csv";
@@ -32,7 +37,7 @@ std::string time_report(const std::filesystem::path& run_dir) {
         throw std::runtime_error(
             fmt::format("{} is damaged: a row without steps or seconds; remove it", path.string()));
     TimeSplit split;
-    for (const auto& [name, part] : TimeSplit::kParts) {
+    for (const auto& [name, part] : kTimeParts) {
         const auto& shares = column(fmt::format("time/{}", name));
         double before = 0;
         for (std::size_t row = 0; row < shares.size(); ++row) {
@@ -43,8 +48,8 @@ std::string time_report(const std::filesystem::path& run_dir) {
     std::string text = fmt::format(
         "{}: {:.0f} agent steps in {:.1f} s, {:.1f} a second\n\n{:<12} {:>6} {:>12}\n", run_dir.string(),
         steps, seconds.back(), steps / seconds.back(), "", "share", "ms per step");
-    for (const auto& [name, part] : TimeSplit::kParts) {
-        text += fmt::format("{:<12} {:>5.1f}% {:>12.3f}\n", name, 100 * (split.*part) / split.total(),
+    for (const auto& [name, part] : kTimeParts) {
+        text += fmt::format("{:<12} {:>5.1f}% {:>12.3f}\n", name, 100 * (split.*part) / total_seconds(split),
                             1000 * (split.*part) / steps);
     }
     return text;

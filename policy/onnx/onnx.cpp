@@ -7,6 +7,7 @@
 
 #include "onnx.pb.h"
 #include "policy/factor_means.h"
+#include "policy/network_parameters.h"
 
 namespace cale {
 namespace {

@@ -8,6 +8,7 @@
 #include <torch/utils.h>
 
 #include "networks/q_network.h"
+#include "policy/network_parameters.h"
 
 namespace cale {
 namespace {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "policy/encoder_layers.h"
+#include "policy/network_parameters.h"
 #include "policy/policy_file.h"
 
 namespace fuzz {

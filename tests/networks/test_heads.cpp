@@ -2,7 +2,9 @@
 #include "networks/ppo_network.h"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <stdexcept>
 
 #include <ATen/CPUGeneratorImpl.h>
 #include <gtest/gtest.h>
@@ -124,6 +126,13 @@ TEST(ActionBox, KnowsItsUnits) {
     EXPECT_TRUE(torch::equal(other.centre, torch::tensor({1.0f, 2.25f})));
     EXPECT_TRUE(torch::equal(other.half_width, torch::tensor({2.0f, 0.25f})));
     EXPECT_DOUBLE_EQ(other.log_half_widths, std::log(2) + std::log(0.25));
+}
+
+TEST(ActionBox, RefusesLimitsThatHaveNoMiddleOrNoWidth) {
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    for (const auto& limits : {Box{.low = {0}, .high = {0}}, Box{.low = {1}, .high = {-1}},
+                               Box{.low = {0}, .high = {kInfinity}}, Box{.low = {-kInfinity}, .high = {0}}})
+        EXPECT_THROW(action_box(limits), std::invalid_argument);
 }
 
 TEST(SquashedGaussian, GradientsReachMeanAndDeviationThroughTheSample) {

@@ -6,9 +6,16 @@
 #include "networks/actor_critic.h"
 #include "networks/ppo_network.h"
 #include "networks/q_network.h"
+#include "networks/sacd_network.h"
 
 namespace cale {
 namespace {
+
+std::int64_t parameter_bytes(const torch::nn::Module& module) {
+    std::int64_t bytes = 0;
+    for (const auto& parameter : module.parameters()) bytes += parameter.numel() * parameter.element_size();
+    return bytes;
+}
 
 TEST(NoValues, HaveTheSizeOfTheWholeNetwork) {
     const auto generator = at::detail::createCPUGenerator(1);

@@ -11,6 +11,7 @@
 #include "cale/joystick.h"
 #include "policy/encoder_layers.h"
 #include "policy/inference_plan.h"
+#include "policy/network_parameters.h"
 #include "policy/policy_file.h"
 
 namespace cale::test {

@@ -7,6 +7,7 @@
 
 #include "policy/encoder_layers.h"
 #include "policy/json.h"
+#include "policy/network_parameters.h"
 #include "policy/network_text.h"
 #include "policy/sample_policies.h"
 #include "policy/stored_tensors.h"

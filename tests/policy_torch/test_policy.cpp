@@ -15,6 +15,7 @@
 #include "networks/policy_weights.h"
 #include "networks/ppo_network.h"
 #include "networks/q_network.h"
+#include "networks/sacd_network.h"
 #include "policy/policy_lite.h"
 #include "policy/sample_policies.h"
 #include "policy/torch/actor_network.h"

@@ -20,6 +20,7 @@
 #include "agents/sacd.h"
 #include "cale/env.h"
 #include "cale/text.h"
+#include "policy/network_parameters.h"
 #include "policy/policy_file.h"
 #include "policy/policy_lite.h"
 #include "settings/config.h"

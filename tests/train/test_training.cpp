@@ -1,4 +1,5 @@
 // The training loop, with a small agent whose every call is known, and with SAC itself.
+#include "train/time_report.h"
 #include "train/training.h"
 #include "train/training_world.h"
 
@@ -22,6 +23,7 @@
 
 #include "agents/sac.h"
 #include "cale/random_play.h"
+#include "report/learning_curve.h"
 #include "storage/files.h"
 #include "support/temporary_folder.h"
 #include "support/terminal.h"
@@ -183,7 +185,7 @@ TEST_F(TrainingEmulator, TheTimeOfARunIsSplitWithoutRemainder) {
     const auto columns = read_progress(folder.path() / "progress.csv");
     for (std::size_t row = 0; row < columns.at("seconds").size(); ++row) {
         double sum = 0;
-        for (const auto& [name, part] : TimeSplit::kParts) {
+        for (const auto& [name, part] : kTimeParts) {
             EXPECT_GE(columns.at("time/" + std::string(name))[row], 0) << name;
             sum += columns.at("time/" + std::string(name))[row];
         }
@@ -538,9 +540,10 @@ TEST_F(TrainingEmulator, TheClockOfAResumedRunGoesOn) {
     EXPECT_TRUE(std::ranges::is_sorted(seconds)) << testing::PrintToString(seconds);
 }
 
-/// Whose episodes have one step, and a return that is their number.
+/// Whose episodes have one step, and a return that is their number, times `unit`.
 class NumberedEpisodes final : public World {
   public:
+    explicit NumberedEpisodes(float unit = 1) : unit_(unit) {}
     std::int64_t size() const override { return 1; }
     ActionSpace action_space() const override { return joystick_space(); }
     ObservationSpace observation_space() const override { return {.stack = 4, .shape = {2, 2}}; }
@@ -548,12 +551,14 @@ class NumberedEpisodes final : public World {
     void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t>,
               std::span<StepResult> results) override {
         std::ranges::fill(frames, 0);
-        results[0] = {.reward = static_cast<float>(++episodes_), .terminal = true, .episode_over = true};
+        results[0] = {
+            .reward = unit_ * static_cast<float>(++episodes_), .terminal = true, .episode_over = true};
     }
     std::vector<EpisodeRecord> record() const override { return {{}}; }
     void resume(std::span<const EpisodeRecord>) override {}
 
   private:
+    float unit_;
     int episodes_ = 0;
 };
 
@@ -568,6 +573,21 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
     EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
     EXPECT_THAT(read_progress(folder.path() / "progress.csv").at("charts/avg_episodic_return"),
                 testing::ElementsAre(25.5, 50.5, 100.5));
+}
+
+TEST_F(TrainingEmulator, StopsAtAReturnThatNoReaderOfItsFilesWouldTake) {
+    eval.episodes = 0;
+    TrainingWorld world;
+    world.id = world.name = "Numbered";
+    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(4e11F); };
+    ScribeAgent agent(1);
+    EXPECT_THAT(
+        [&] {
+            cale::train(agent, world, {train_config, eval, log}, options);
+        },
+        testing::ThrowsMessage<std::runtime_error>(testing::StartsWith("a game ended with a return of ")));
+    options.resume = true;
+    EXPECT_EQ(read_episodes(folder.path() / "episodes.csv").returns.size(), 2U) << "which can be read";
 }
 
 TEST_F(TrainingEmulator, AFinishedRunMadeLongerPlaysItsEvaluationsAsOneThatWasNot) {

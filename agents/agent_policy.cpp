@@ -1,0 +1,11 @@
+#include "agents/agent.h"
+#include "networks/policy_weights.h"
+
+namespace cale {
+
+AgentPolicy policy_of(const NetworkSpec& acting, const torch::nn::Module& network, bool samples,
+                      double epsilon) {
+    return {acting, policy_weights(acting, network), samples, epsilon};
+}
+
+}  // namespace cale

@@ -1,0 +1,30 @@
+// The parameters that a NetworkSpec stands for, and the sizes of its head.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "policy/network_spec.h"
+
+namespace cale {
+
+/// Returns the outputs of a head of values, of num_atoms each: one for each action or choice.
+std::int64_t num_outputs(const Head& head);
+
+/// Returns the head's dense layers on so many inputs: actor.out, actor.mean, head.out, or head.adv and
+/// head.value.
+std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs);
+
+/// A parameter of a network, float32.
+struct ParameterShape {
+    std::string name;
+    std::vector<std::int64_t> shape;
+};
+/// Returns every parameter of the network: "encoder.conv1.weight", ... Throws as sized_layers() does.
+std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network);
+
+/// Returns the numbers of Policy::output.
+std::int64_t output_size(const Head& head);
+
+}  // namespace cale
