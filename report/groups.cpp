@@ -218,7 +218,7 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
     }
     // Recorded groups come last.
     std::ranges::stable_sort(groups, natural_less, &Group::label);
-    std::ranges::stable_partition(groups, std::not_fn(is_recorded));
+    std::stable_partition(groups.begin(), groups.end(), std::not_fn(is_recorded));
 }
 
 std::vector<std::string> missing_runs(const std::vector<Run>& runs) {

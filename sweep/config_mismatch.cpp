@@ -73,7 +73,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
                "move its folder away, or give the sweep another --dir";
     if (!step) return "";
     try {
-        if (const auto lack = lacks(folder / "config.yaml", list_checkpoints(folder).back() / "config.yaml");
+        if (auto lack = lacks(folder / "config.yaml", list_checkpoints(folder).back() / "config.yaml");
             !lack.empty())
             return lack;
         const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),

@@ -186,8 +186,9 @@ std::vector<std::int64_t> rungs(SearchMethod method, const SearchSpace& space, s
 std::optional<double> search_score(const fs::path& folder, std::int64_t steps) {
     const auto file = folder / "episodes.csv";
     if (!fs::exists(file)) return std::nullopt;
-    const auto curve = mean_returns(read_episodes(file), static_cast<double>(steps / kWindowShare),
-                                    static_cast<double>(steps));
+    const auto window = steps / kWindowShare;
+    const auto curve =
+        mean_returns(read_episodes(file), static_cast<double>(window), static_cast<double>(steps));
     return curve.values.empty() ? std::nullopt : std::optional(curve.values.back());
 }
 

@@ -1,8 +1,10 @@
 #include "tools/completion.h"
 
 #include <algorithm>
-#include <ranges>
+#include <functional>
 #include <stdexcept>
+#include <string_view>
+#include <vector>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -23,7 +25,10 @@ struct Completion {
 /// This member of all items, with spaces between.
 template <class Items, class Member>
 std::string words_of(const Items& items, Member member) {
-    return fmt::format("{}", fmt::join(std::views::transform(items, member), " "));
+    std::vector<std::string_view> words;
+    words.reserve(items.size());
+    for (const auto& item : items) words.push_back(std::invoke(member, item));
+    return fmt::format("{}", fmt::join(words, " "));
 }
 
 Completion completion_of(std::string_view value) {
