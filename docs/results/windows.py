@@ -35,6 +35,7 @@ AGENTS = {
     "der__config=atari100k__action_space=continuous__joystick=factored__noisy_evaluation=true":
         "DER with the joystick's heads",
     "der__config=joystick100k__update_horizon=10": "10-step joystick Rainbow",
+    "der__config=joystick100k__update_horizon=10__distributional=true": "10-step joystick Rainbow with C51",
     "der__update_horizon=10": "10-step joystick Rainbow",
     "der__update_horizon=10__distributional=true__dueling=true__prioritised=true__learning_rate=1e-4"
     "__adam_epsilon=1.5e-4__target_update_period=2_000__layer_norm=false": "joystick Rainbow with DER's settings",
