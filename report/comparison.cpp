@@ -378,14 +378,14 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
         "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
         "human-normalised scores are none of whole games",
         groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); }));
-    const auto is_untrained = [](const Run& run) {
-        return run.total_steps > 0 &&
-               ends_before_first_update(number_of(run, "agent.min_replay"), run.total_steps);
-    };
     add_labels(notes, fmt::format("Scores of runs that are the mean of fewer than {} games", kFewGames),
                groups_where(comparison, [](const Run& run) {
                    return run.recorded_as.empty() && run.games_in_score < kFewGames;
                }));
+    const auto is_untrained = [](const Run& run) {
+        return run.total_steps > 0 &&
+               ends_before_first_update(number_of(run, "agent.min_replay"), run.total_steps);
+    };
     add_labels(notes, "Runs end before the first update (agent.min_replay), so that nothing was learned",
                groups_where(comparison, is_untrained));
     return notes;

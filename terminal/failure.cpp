@@ -27,10 +27,14 @@ std::string text_of(const std::exception& error) {
     return torch != nullptr ? torch->what_without_backtrace() : error.what();
 }
 
+bool is_full(const std::error_code& reason) {
+    return reason == std::errc::no_space_on_device ||
+           reason == std::error_code(EDQUOT, std::generic_category());
+}
+
 /// What to do about a file that the system refused; nothing where its reason says that.
 std::string_view remedy_of(const std::error_code& reason) {
-    if (reason == std::errc::no_space_on_device || reason == std::error_code(EDQUOT, std::generic_category()))
-        return "; make room there, or choose another folder";
+    if (is_full(reason)) return "; make room there, or choose another folder";
     if (reason == std::errc::read_only_file_system) return "; choose another folder";
     if (reason == std::errc::permission_denied) return "; change its permissions, or choose another path";
     return "";
@@ -44,6 +48,14 @@ bool is_out_of_memory(const std::exception& error) {
     const auto text = text_of(error);
     return dynamic_cast<const c10::Error*>(&error) != nullptr &&
            (text.find("can't allocate memory") != text.npos || text.find("out of memory") != text.npos);
+}
+
+bool is_of_the_machine(const std::exception& error) {
+    const auto* const system = dynamic_cast<const std::system_error*>(&error);
+    if (system == nullptr) return is_out_of_memory(error);
+    const auto& reason = system->code();
+    return is_full(reason) || reason == std::errc::file_too_large || reason == std::errc::io_error ||
+           reason == std::errc::read_only_file_system || reason == std::errc::permission_denied;
 }
 
 std::string failure_sentence(const std::exception& error) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "cale/fields.h"
 #include "cale/joystick.h"
 #include "report/joystick_map.h"
 #include "tools/commands.h"
@@ -24,11 +25,9 @@ void add_map(CLI::App& app) {
     command.add_option("--threshold", options->threshold, "tau: how far the stick must be pushed to count")
         ->transform(numbers(0, 1))
         ->type_name("TAU");
-    // A placed paddle has no regions.
-    std::vector<std::string> names;
-    for (const auto name : names_of(Joystick{}))
-        if (name != names_of(Joystick{})[static_cast<std::size_t>(Joystick::paddle)])
-            names.emplace_back(name);
+    const auto joysticks = names_of(Joystick{});
+    std::vector<std::string> names(joysticks.begin(), joysticks.end());
+    std::erase(names, name_of(Joystick::paddle));  // which is placed, and has no regions
     command
         .add_option("--joystick", options->joystick,
                     "coordinates of the random actions whose shares are given, as env.joystick")

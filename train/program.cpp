@@ -1,14 +1,12 @@
 #include "train/program.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <optional>
 #include <stdexcept>
-#include <system_error>
 #include <thread>
 
 #include <ATen/Context.h>
@@ -267,17 +265,6 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     } catch (const std::exception& error) {
         throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
     }
-}
-
-/// Whether the run itself has no part in what stopped it: a disk or memory is full, a file is forbidden.
-bool is_of_the_machine(const std::exception& error) {
-    const auto* const system = dynamic_cast<const std::system_error*>(&error);
-    if (system == nullptr) return is_out_of_memory(error);
-    const auto& code = system->code();
-    return code == std::errc::no_space_on_device ||
-           code == std::error_code(EDQUOT, std::generic_category()) || code == std::errc::file_too_large ||
-           code == std::errc::read_only_file_system || code == std::errc::permission_denied ||
-           code == std::errc::io_error;
 }
 
 /// Calls train() and records its end in metadata.json. Says how to resume a run that the machine stopped.

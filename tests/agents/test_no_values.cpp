@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <torch/types.h>
 
+#include "agents/memory.h"
 #include "networks/actor_critic.h"
 #include "networks/ppo_network.h"
 #include "networks/q_network.h"
@@ -10,12 +11,6 @@
 
 namespace cale {
 namespace {
-
-std::int64_t parameter_bytes(const torch::nn::Module& module) {
-    std::int64_t bytes = 0;
-    for (const auto& parameter : module.parameters()) bytes += parameter.numel() * parameter.element_size();
-    return bytes;
-}
 
 TEST(NoValues, HaveTheSizeOfTheWholeNetwork) {
     const auto generator = at::detail::createCPUGenerator(1);
