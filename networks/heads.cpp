@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <torch/nn/module.h>
 #include <torch/types.h>
@@ -59,16 +61,23 @@ ActionBox action_box(const ActionSpace& space) {
     const auto joystick = joystick_space();
     if (limits == nullptr || (limits->low == joystick.low && limits->high == joystick.high))
         return joystick_box();  // pi in double precision
-    for (std::size_t i = 0; i < limits->low.size(); ++i)
-        if (!std::isfinite(limits->low[i]) || !std::isfinite(limits->high[i]) ||
-            !(limits->low[i] < limits->high[i]))
+    std::vector<float> centres, half_widths;
+    double log_half_widths = 0;
+    for (std::size_t i = 0; i < limits->low.size(); ++i) {
+        const float low = limits->low[i], high = limits->high[i];
+        if (!std::isfinite(low) || !std::isfinite(high) || !(low < high))
             throw std::invalid_argument(
                 "the limits of an action's coordinates must be finite, low below high");
-    const auto low = torch::tensor(at::ArrayRef<float>(limits->low));
-    const auto high = torch::tensor(at::ArrayRef<float>(limits->high));
-    ActionBox box{(low + high) / 2, (high - low) / 2};
-    box.log_half_widths = box.half_width.to(torch::kDouble).log().sum().item<double>();
-    return box;
+        const float centre = std::midpoint(low, high);
+        float half_width = high / 2 - low / 2;
+        // Where tanh is 1 or -1, a rounding must not carry the action out of the box.
+        while (centre + half_width > high || centre - half_width < low)
+            half_width = std::nextafter(half_width, 0.0F);
+        centres.push_back(centre);
+        half_widths.push_back(half_width);
+        log_half_widths += std::log(double{half_width});
+    }
+    return {torch::tensor(centres), torch::tensor(half_widths), log_half_widths};
 }
 
 SquashedGaussian squashed_gaussian(const torch::Tensor& actor_output) {

@@ -498,6 +498,24 @@ TEST_P(ReplayAgent, UpdatesOnceMoreThanMinReplayIsStoredAndEveryPeriod) {
     EXPECT_EQ(gradient_steps_of(*agent), 11);
 }
 
+TEST_P(ReplayAgent, MakesItsReplayAsItsSettingsSay) {
+    Settings settings;
+    settings.replay.replay_capacity = 77;
+    settings.replay.gamma = 0.75;
+    settings.replay.update_horizon = 3;
+    settings.replay.replay_terminal = ReplayTerminal::dopamine;
+    const auto spec = world(2);
+    const auto config = make(spec, settings)->replay()->config();
+    EXPECT_EQ(config.capacity, 77);
+    EXPECT_EQ(config.num_envs, 2);
+    EXPECT_EQ(config.observation, spec.observation);
+    EXPECT_EQ(config.action_size, GetParam().num_actions == 0 ? 3 : 0);
+    EXPECT_EQ(config.gamma, 0.75);
+    EXPECT_EQ(config.update_horizon, 3);
+    EXPECT_EQ(config.replay_terminal, ReplayTerminal::dopamine);
+    EXPECT_EQ(config.prioritised, GetParam().name == "Der");
+}
+
 TEST_P(ReplayAgent, SeveralEnvironmentsKeepTheUpdatesPerAgentStep) {
     for (const auto& [num_envs, period, expected] : {std::tuple{8, 4, 40}, {3, 4, 15}, {2, 1, 40}}) {
         Settings settings;

@@ -14,6 +14,7 @@
 
 #include "agent_worlds.h"
 #include "agents/random.h"
+#include "dopamine/rollout.h"
 #include "expect_refused.h"
 
 namespace cale {
@@ -423,34 +424,49 @@ struct Witness {
         return agents_parameters();
     }
 
-    /// The network's parameters after one gradient step on each of these stretches, [first, end), of the
-    /// rollout in the order of time, given its advantages [T, N].
-    TensorMap taught(const torch::Tensor& advantage,
-                     const std::vector<std::pair<std::int64_t, std::int64_t>>& stretches) {
+    /// Rows of the rollout, in the order of time.
+    using Rows = std::vector<std::int64_t>;
+
+    /// The network's parameters after one gradient step on each of these minibatches, given the rollout's
+    /// advantages [T, N].
+    TensorMap taught(const torch::Tensor& advantage, const std::vector<Rows>& minibatches) {
         std::vector<torch::Tensor> observations;
         for (std::size_t step = 0; step + 1 < steps.size(); ++step)
             observations.push_back(steps[step].observations);
-        const auto observation = torch::cat(observations), action = torch::cat(actions);
+        return taught(torch::cat(observations), torch::cat(actions), advantage, minibatches);
+    }
+    /// The same for a rollout of these observations [T N, stack, ...] and actions.
+    TensorMap taught(const torch::Tensor& observation, const torch::Tensor& action,
+                     const torch::Tensor& advantage, const std::vector<Rows>& minibatches) {
         const auto old = [&] {
             const torch::NoGradGuard no_grad;
             return network(observation);
         }();
         const auto old_log_prob = log_prob(old.policy, action, network->box).detach();
         OnPolicyState learner(with(parameters_of(*network)), 0, config);
-        for (const auto& [first, end] : stretches) {
-            const auto part = [from = first, to = end](const torch::Tensor& x) {
-                return x.slice(0, from, to);
-            };
-            ppo_update(learner,
-                       {.observation = part(observation),
-                        .action = part(action),
-                        .old_log_prob = part(old_log_prob),
-                        .old_value = part(old.value),
-                        .advantage = part(advantage.flatten()),
-                        .returns = part(advantage.flatten() + old.value)},
-                       config);
+        losses.clear();
+        for (const auto& rows : minibatches) {
+            const auto part = [&](const torch::Tensor& x) { return x.index_select(0, torch::tensor(rows)); };
+            losses.push_back(ppo_update(learner,
+                                        {.observation = part(observation),
+                                         .action = part(action),
+                                         .old_log_prob = part(old_log_prob),
+                                         .old_value = part(old.value),
+                                         .advantage = part(advantage.flatten()),
+                                         .returns = part(advantage.flatten() + old.value)},
+                                        config));
         }
         return parameters_of(*learner.network);
+    }
+    std::vector<PpoLosses> losses;  // of the newest taught()
+
+    /// r + gamma V(next) - V of every step, [T, N], where no episode ends.
+    torch::Tensor errors() {
+        std::vector<torch::Tensor> found;
+        for (std::size_t t = 0; t + 1 < steps.size(); ++t)
+            found.push_back(rewards(t) + config.gamma * values(steps[t + 1].observations) -
+                            values(steps[t].observations));
+        return torch::stack(found);
     }
 };
 
@@ -490,7 +506,7 @@ TEST(Ppo, LearnsFromItsRolloutAsDefined) {
         }
         EXPECT_NEAR(w.agent->metrics().at("losses/explained_variance"),
                     1 - (advantage.var(false) / returns.var(false)).item<double>(), 1e-4);
-        EXPECT_LT(distance(learned, w.taught(advantage, {{0, 4}})), kRounding) << spec.num_envs;
+        EXPECT_LT(distance(learned, w.taught(advantage, {{0, 1, 2, 3}})), kRounding) << spec.num_envs;
         EXPECT_GT(distance(learned, parameters_of(*w.network)), 1e-3);
     }
 }
@@ -512,10 +528,10 @@ TEST(Ppo, AnEpisodeThatWasCutOffKeepsTheValueOfWhatWouldHaveFollowed) {
         advantage[0][0] = w.rewards(0)[0] + 0.5 * v1[0] - v0[0] + 0.25 * advantage[1][0];
         const auto follows = 0.5 * w.values(left_with)[0];
         advantage[0][1] = w.rewards(0)[1] + (truncated ? 1 : 0) * follows - v0[1];
-        EXPECT_LT(distance(learned, w.taught(advantage, {{0, 4}})), kRounding) << truncated;
+        EXPECT_LT(distance(learned, w.taught(advantage, {{0, 1, 2, 3}})), kRounding) << truncated;
         // A value too many or too few would show.
         advantage[0][1] += (truncated ? -1 : 1) * follows;
-        EXPECT_GT(distance(learned, w.taught(advantage, {{0, 4}})), 5 * kRounding) << truncated;
+        EXPECT_GT(distance(learned, w.taught(advantage, {{0, 1, 2, 3}})), 5 * kRounding) << truncated;
     }
 }
 
@@ -529,13 +545,9 @@ TEST(Ppo, ContiguousMinibatchesAreStretchesOfTimeAndShuffledOnesAreNot) {
         for (std::uint64_t seed = 1; seed <= 10; ++seed) {
             Witness w(config, joystick_world(2, seed));
             const auto learned = w.learned();
-            std::vector<torch::Tensor> errors;
-            for (std::size_t t = 0; t < 4; ++t)
-                errors.push_back(w.rewards(t) + 0.5 * w.values(w.steps[t + 1].observations) -
-                                 w.values(w.steps[t].observations));
-            const auto advantage = torch::stack(errors);
-            const bool early = distance(learned, w.taught(advantage, {{0, 4}, {4, 8}})) < kRounding;
-            const bool late = distance(learned, w.taught(advantage, {{4, 8}, {0, 4}})) < kRounding;
+            const Witness::Rows first{0, 1, 2, 3}, second{4, 5, 6, 7};
+            const bool early = distance(learned, w.taught(w.errors(), {first, second})) < kRounding;
+            const bool late = distance(learned, w.taught(w.errors(), {second, first})) < kRounding;
             early_first += early;
             late_first += late;
             neither += !early && !late;
@@ -548,6 +560,103 @@ TEST(Ppo, ContiguousMinibatchesAreStretchesOfTimeAndShuffledOnesAreNot) {
         } else {
             EXPECT_GE(neither, 8);  // two of seventy divisions of eight are stretches
         }
+    }
+}
+
+/// Settings with two minibatches and two epochs.
+PpoConfig two_epochs(Minibatches minibatches) {
+    auto config = transparent();
+    config.minibatches = minibatches;
+    config.minibatch_size = 2;
+    config.epochs = 2;
+    config.gae_lambda = 0;
+    return config;
+}
+
+TEST(Ppo, ContiguousMinibatchesKeepTheirOrderInAllEpochsAndTheirLossesAreAveraged) {
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+        Witness w(two_epochs(Minibatches::contiguous), joystick_world(1, seed));
+        const auto learned = w.learned();
+        const Witness::Rows first{0, 1}, second{2, 3};
+        if (distance(learned, w.taught(w.errors(), {first, second, first, second})) > kRounding) {
+            EXPECT_LT(distance(learned, w.taught(w.errors(), {second, first, second, first})), kRounding);
+        }
+        const auto expect_mean = [&](const char* name, torch::Tensor PpoLosses::*part) {
+            double sum = 0;
+            for (const auto& losses : w.losses) sum += (losses.*part).item<double>();
+            EXPECT_NEAR(w.agent->metrics().at(name), sum / 4, 1e-4) << name;
+        };
+        expect_mean("losses/loss", &PpoLosses::combined);
+        expect_mean("losses/policy_loss", &PpoLosses::actor);
+        expect_mean("losses/value_loss", &PpoLosses::critic);
+        expect_mean("losses/entropy", &PpoLosses::entropy);
+    }
+}
+
+TEST(Ppo, ShuffledMinibatchesAreDrawnAnewInEveryEpoch) {
+    const std::vector<std::pair<Witness::Rows, Witness::Rows>> orders{{{0, 1}, {2, 3}}, {{0, 2}, {1, 3}},
+                                                                      {{0, 3}, {1, 2}}, {{1, 2}, {0, 3}},
+                                                                      {{1, 3}, {0, 2}}, {{2, 3}, {0, 1}}};
+    int repeated = 0, drawn_anew = 0;
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+        Witness w(two_epochs(Minibatches::shuffled), joystick_world(1, seed));
+        const auto learned = w.learned();
+        for (const auto& [a, b] : orders)
+            for (const auto& [c, d] : orders)
+                if (distance(learned, w.taught(w.errors(), {a, b, c, d})) < kRounding)
+                    ++(a == c ? repeated : drawn_anew);
+    }
+    EXPECT_EQ(repeated + drawn_anew, 6);
+    EXPECT_GT(drawn_anew, 0);
+}
+
+// The reference's defects -------------------------------------------------------------
+
+TEST(Ppo, LearnsFromTheReferencesRolloutWhereItIsTold) {
+    auto config = transparent();
+    config.replay_terminal = ReplayTerminal::dopamine;
+    Witness w(config, joystick_world());
+    DopamineRollout rollout({.length = config.rollout_steps,
+                             .observation = w.spec.observation,
+                             .reward_scale = config.reward_scale,
+                             .reward_clip = config.reward_clip});
+    for (std::int64_t number = 0;; ++number) {
+        NoiseStep step(w.spec, number);
+        step.results[0].terminal = step.results[0].episode_over = number == 1;
+        ASSERT_EQ(w.agent->update(step.observations), rollout.full());
+        if (rollout.full()) break;
+        rollout.set_observations(step.observations);
+        const auto seen = step.experiences(w.agent->act(step.observations, ActMode::train));
+        w.agent->observe(seen);
+        rollout.add(seen.actions, seen.results, seen.final_frames);
+    }
+    ASSERT_GT(rollout.terminal.sum().item<float>(), 0);
+    const auto observation = rollout.observation.flatten(0, 1);
+    const auto advantage = generalized_advantages(rollout.reward, rollout.terminal,
+                                                  w.values(observation).view_as(rollout.reward),
+                                                  w.values(rollout.next_observation), 0.5, 0.5)
+                               .advantage;
+    EXPECT_LT(distance(w.agents_parameters(),
+                       w.taught(observation, rollout.action.flatten(0, 1), advantage, {{0, 1, 2, 3}})),
+              kRounding);
+}
+
+TEST(Ppo, SeesTheFrameBeforeTheNewestOnceMoreBehindAnUpdateWhereItIsTold) {
+    auto config = transparent();
+    config.stack_after_update = StackAfterUpdate::repeated;
+    Witness w(config, joystick_world());
+    w.learned();
+    const auto frame = [&](std::int64_t step) { return NoiseStep(w.spec, step).frames[0]; };
+    const std::vector<std::pair<torch::Tensor, torch::Tensor>> expected{
+        {frame(4), frame(3)}, {frame(3), frame(5)}, {NoiseStep(w.spec, 6).observations[0][0], frame(6)}};
+    for (std::int64_t number = 4; number < 7; ++number) {
+        const NoiseStep step(w.spec, number);
+        w.agent->observe(step.experiences(w.agent->act(step.observations, ActMode::train)));
+        const auto i = number - 4;
+        const auto& [older, newer] = expected[static_cast<std::size_t>(i)];
+        EXPECT_TRUE(
+            torch::equal(w.agent->state().at("rollout/observation")[i][0], torch::stack({older, newer})))
+            << number;
     }
 }
 

@@ -121,7 +121,11 @@ TEST(SacLosses, TheTwinsMayBeAveraged) {
                           p.batch.discount.to(torch::kFloat64) * ((q.q1 + q.q2) / 2 - soft);
     const auto losses = p.losses();
     EXPECT_TRUE(torch::allclose(losses.target_values, expected));
-    // Of a constant critic the actor's loss is the entropy's part and the mean of the twins.
+    const auto features = p.network->encoder->trunk(p.batch.observation);
+    const auto action = sample(p.network->policy(features), p.noise.actor, p.network->box);
+    const auto values = p.network->values(p.network->encoder->critic_branch(features), action.action);
+    const auto actor = (std::exp(0.3) * action.log_prob - (values.q1 + values.q2) / 2).mean();
+    EXPECT_NEAR(losses.actor.item<double>(), actor.item<double>(), 1e-12);
     p.config.twin_estimate = TwinEstimate::minimum;
     EXPECT_TRUE((losses.target_values >= p.losses().target_values).all().item<bool>());
     EXPECT_LT(losses.actor.item<double>(), p.losses().actor.item<double>());
@@ -231,6 +235,11 @@ TEST(Sac, RandomActionsMayBeTheWorldsEvents) {
     }
     EXPECT_EQ(events.size(), 18U);
     for (const auto& [event, count] : events) EXPECT_NEAR(count, 1000.0 / 18, 30) << event_name(event);
+    // In evaluations they are anywhere in the box, as those of a policy file.
+    config.exploration = Exploration::epsilon_greedy;
+    config.epsilon.epsilon_eval = 1;
+    const auto evaluated = make_sac(config, spec)->act(noise_frames(1000, 1), ActMode::evaluate);
+    EXPECT_GT(std::get<0>(at::_unique(evaluated.select(1, 0))).numel(), 900);
 }
 
 TEST(Sac, ActsWithItsTargetWhereItIsTold) {
@@ -245,6 +254,8 @@ TEST(Sac, ActsWithItsTargetWhereItIsTold) {
         agent->load_state(state);
         const auto radius = agent->act(same_frame(1), ActMode::evaluate)[0][0].item<float>();
         EXPECT_NEAR(radius, 0.5 + 0.5 * std::tanh(with_target ? 1 : -1), 1e-6);
+        const auto policy = agent->policy();  // what a policy file has
+        EXPECT_EQ(policy->weights.at("actor.out.bias")[0].item<float>(), with_target ? 1 : -1);
     }
 }
 

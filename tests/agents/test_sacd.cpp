@@ -109,6 +109,19 @@ TEST(SacdLosses, EveryTermByHand) {
     EXPECT_TRUE(torch::allclose(losses.q2, torch::tensor({3.0, 1.0}, kDouble)));
 }
 
+TEST(SacdLosses, TheTwinsMayBeAveragedAndTheTargetMayLackTheEntropy) {
+    Problem p;
+    p.config.twin_estimate = TwinEstimate::mean;
+    // The network's twins have a mean of 2.5 for every action, the target's 4.5, 4.5, 2 and 0.
+    EXPECT_NEAR(p.losses().actor.item<double>(), -(2.5 + p.alpha * entropy_of(p.pi)), 1e-12);
+    const double follows = 0.1 * 4.5 + 0.2 * 4.5 + 0.3 * 2;
+    EXPECT_NEAR(p.losses().target_values[0].item<double>(),
+                0.1 + 0.5 * (follows + p.alpha * entropy_of(p.pi)), 1e-12);
+    p.config.entropy_in_target = false;
+    EXPECT_NEAR(p.losses().target_values[0].item<double>(), 0.1 + 0.5 * follows, 1e-12);
+    EXPECT_NEAR(p.losses().actor.item<double>(), -(2.5 + p.alpha * entropy_of(p.pi)), 1e-12);
+}
+
 TEST(SacdLosses, AlphaFallsWhereTheEntropyIsLargerThanItsTarget) {
     for (const double target_entropy : {0.9, 1.3}) {  // of the policy: 1.28
         Problem p;
@@ -177,6 +190,21 @@ TEST(Sacd, ActsUniformlyUntilItsFirstUpdateThenSamplesAndIsGreedyInEvaluation) {
     with_policy();  // 22 transitions are stored: it is warm
     expect_frequencies({0.1, 0.2, 0.6, 0.1}, ActMode::train);
     expect_frequencies({0, 0, 1, 0}, ActMode::evaluate);
+}
+
+TEST(Sacd, ActsWithItsTargetWhereItIsTold) {
+    for (const bool with_target : {false, true}) {
+        auto config = small_sacd();
+        config.act_with_target = with_target;
+        const auto agent = make_sacd(config, discrete_world());
+        auto state = agent->state();
+        make_constant(state, "network/actor.out", {0, 9, 0, 0});
+        make_constant(state, "target/actor.out", {0, 0, 9, 0});
+        agent->load_state(state);
+        const auto best = with_target ? 2 : 1;
+        EXPECT_EQ(agent->act(same_frame(1), ActMode::evaluate)[0].item<std::int64_t>(), best);
+        EXPECT_EQ(agent->policy()->weights.at("actor.out.bias").argmax().item<std::int64_t>(), best);
+    }
 }
 
 // The first step of Adam leaves a tenth of the gradient in its moment.

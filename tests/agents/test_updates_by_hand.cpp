@@ -288,13 +288,15 @@ TEST(UpdatesByHand, OfSacd) {
     EXPECT_NEAR(agent->metrics().at("losses/qf2_values"), losses.q2.mean().item<double>(), 1e-4);
 }
 
-TEST(InitialNetworks, LastLayersOfSacStartAtZeroWhereTheyAreToldTo) {
+TEST(InitialNetworks, LastLayersOfSacAndSacdStartAtZeroWhereTheyAreToldTo) {
     for (const bool zero : {true, false}) {
-        auto config = small_sac();
-        config.zero_outputs = zero;
-        const auto state = make_sac(config, joystick_world())->state();
-        for (const auto* layer : {"actor.out.weight", "critic.q1.out.weight", "critic.q2.out.weight"})
-            EXPECT_EQ(state.at(std::string("network/") + layer).any().item<bool>(), !zero) << layer;
+        auto sac = small_sac();
+        auto sacd = small_sacd();
+        sac.zero_outputs = sacd.zero_outputs = zero;
+        for (const auto& state :
+             {make_sac(sac, joystick_world())->state(), make_sacd(sacd, discrete_world())->state()})
+            for (const auto* layer : {"actor.out.weight", "critic.q1.out.weight", "critic.q2.out.weight"})
+                EXPECT_EQ(state.at(std::string("network/") + layer).any().item<bool>(), !zero) << layer;
     }
 }
 

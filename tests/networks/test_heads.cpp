@@ -1,9 +1,11 @@
 #include "networks/heads.h"
 #include "networks/ppo_network.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <random>
 #include <stdexcept>
 
 #include <ATen/CPUGeneratorImpl.h>
@@ -128,6 +130,25 @@ TEST(ActionBox, KnowsItsUnits) {
     EXPECT_DOUBLE_EQ(other.log_half_widths, std::log(2) + std::log(0.25));
 }
 
+TEST(ActionBox, NoActionLeavesLimitsWhoseMiddleIsRounded) {
+    std::mt19937 random(1);
+    std::uniform_real_distribution<float> number(-1, 1);
+    for (int i = 0; i < 2000; ++i) {
+        const float a = number(random), b = a + (i % 2 == 0 ? 1.0f : 1e-3f) * number(random);
+        const Box limits{.low = {std::min(a, b)}, .high = {std::max(a, b)}};
+        if (limits.low == limits.high) continue;
+        const auto box = action_box(limits);
+        for (const float mean : {-100.0f, 100.0f}) {
+            const float action = mean_action({torch::tensor({{mean}}), {}}, box).item<float>();
+            EXPECT_GE(action, limits.low[0]);
+            EXPECT_LE(action, limits.high[0]);
+            EXPECT_NEAR(action, mean < 0 ? limits.low[0] : limits.high[0], 1e-6);
+        }
+    }
+    const auto widest = action_box(Box{.low = {-3e38f}, .high = {3e38f}});
+    EXPECT_EQ(widest.half_width.item<float>(), 3e38f);
+}
+
 TEST(ActionBox, RefusesLimitsThatHaveNoMiddleOrNoWidth) {
     constexpr float kInfinity = std::numeric_limits<float>::infinity();
     for (const auto& limits : {Box{.low = {0}, .high = {0}}, Box{.low = {1}, .high = {-1}},
@@ -157,6 +178,17 @@ TEST(SquashedGaussian, DensityOnTheBoxsBorderIsFinite) {
     EXPECT_TRUE(density.isfinite().all().item<bool>());
     density.sum().backward();
     EXPECT_TRUE(mean.grad().isfinite().all().item<bool>());
+}
+
+TEST(SquashedGaussian, DensityOnTheBoxsBorderIsThatOfTheNearestFloatInside) {
+    const auto box = double_box();
+    const SquashedGaussian policy{torch::zeros({2, 3}, kDouble), torch::zeros({2, 3}, kDouble)};
+    const auto corners = torch::stack({box.centre - box.half_width, box.centre + box.half_width});
+    const double u = std::atanh(static_cast<double>(std::nextafter(1.0f, 0.0f)));
+    const double normal = -0.5 * u * u - 0.5 * std::log(2 * std::numbers::pi);
+    const double slope = std::log(1 - std::pow(std::tanh(u), 2));
+    const auto expected = torch::full({2}, 3 * (normal - slope) - box.log_half_widths, kDouble);
+    EXPECT_TRUE(torch::allclose(log_prob(policy, corners, box), expected, 0, 1e-6));
 }
 
 TEST(SquashedGaussian, DensityOfAGivenActionTrainsMeanAndDeviation) {
