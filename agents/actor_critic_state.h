@@ -61,10 +61,11 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
           "Adam's learning rate, for the networks and, without alpha_learning_rate, for alpha");
     visit("adam_epsilon", settings.adam_epsilon, Range{1e-12, 1}, "Adam's epsilon, outside the root");
     visit("tau", settings.tau, Range{0, 1},
-          "part of the online network that the target takes on at every gradient step");
+          "part of the way that the target moves towards the online network at every gradient step");
     visit("actor_period", settings.actor_period, Range{1, 1'000'000},
           "gradient steps of the critics for each one of the actor and of alpha");
-    visit("weight_decay", settings.weight_decay, Range{0, 1}, "of AdamW, for the networks; 0: Adam");
+    visit("weight_decay", settings.weight_decay, Range{0, 1},
+          "AdamW's weight decay, of the networks; 0: Adam");
     visit("initial_alpha", settings.initial_alpha, Range{1e-9, 1e9}, "alpha before the first gradient step");
     visit("alpha_learning_rate", settings.alpha_learning_rate, Range{0, 1},
           "alpha's own learning rate, 0: alpha stays as it is; none: learning_rate");

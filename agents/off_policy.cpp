@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include <c10/core/impl/VirtualGuardImpl.h>
-
 #include <torch/types.h>
 
 #include "networks/layers.h"

@@ -62,7 +62,7 @@ void fields(ReplaySettings& settings, Visit&& visit) {
     visit("replay_on_device", settings.replay_on_device,
           "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
     visit("random_shift", settings.random_shift, Range{0, 16},
-          "every sampled observation is shifted by up to so many pixels either way; 0: off");
+          "every sampled observation is shifted by up to this many pixels in each direction; 0: off");
 }
 
 /// Returns the replay's configuration for these settings.

@@ -73,7 +73,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
           "shuffled: drawn anew in every epoch; contiguous: stretches of time, in one random order");
     visit("epochs", settings.epochs, Range{1, 1000}, "passes over a rollout");
     visit("max_gradient_norm", settings.max_gradient_norm, Range{1e-9, 1e9},
-          "gradients are scaled down to it");
+          "gradients of a larger norm are scaled down to this one");
     visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate at the start");
     visit("anneal_learning_rate", settings.anneal_learning_rate, "let it fall linearly to 0");
     visit("anneal_steps", settings.anneal_steps, Range{0, 1e12},

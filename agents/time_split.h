@@ -18,7 +18,7 @@ struct TimeSplit {
 /// Adds the seconds from its birth to its end to `seconds`.
 class Timed {
   public:
-    explicit Timed(double& seconds) : seconds_(seconds) {}
+    explicit Timed(double& seconds) : seconds_(seconds) {}  // must outlive it
     ~Timed() { seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
     Timed(const Timed&) = delete;
     Timed& operator=(const Timed&) = delete;

@@ -5,12 +5,11 @@
 #include <random>
 #include <sstream>
 #include <stdexcept>
-#include <type_traits>
 #include <utility>
 
 #include "cale/emulator.h"
 #include "cale/joystick_log.h"
-#include "cale/text.h"
+#include "cale/setting.h"
 
 namespace cale {
 namespace {
@@ -20,29 +19,10 @@ constexpr std::int64_t kMostNamedGames = 3;     // in the names of folders
 constexpr double kMiddle = 0.5;                 // of a paddle's way
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
 
-template <class Number>
-bool lies_in(const Range& range, Number number) {
-    const auto value = static_cast<double>(number);
-    return value >= range.low && value <= range.high;
-}
-template <class Number>
-bool lies_in(const Range& range, const std::optional<Number>& number) {
-    return !number || lies_in(range, *number);
-}
-bool lies_in(const Range& range, const IntegerRange& numbers) {
-    return lies_in(range, numbers.low) && lies_in(range, numbers.high) && numbers.low <= numbers.high;
-}
-
+/// Throws std::invalid_argument for values that no text of a setting is read as.
 void check_ranges(EnvConfig config) {
-    fields(config, [](std::string_view name, const auto& value, const auto& range, const auto&...) {
-        if constexpr (std::is_same_v<std::remove_cvref_t<decltype(range)>, Range>) {
-            if (lies_in(range, value)) return;
-            std::ostringstream message;
-            message << name << " is " << setting_text(value) << ": it must lie in [" << range.low << ", "
-                    << range.high << "]";
-            throw std::invalid_argument(message.str());
-        }
-    });
+    for (const auto& [name, help, range, member] : setting_fields(config))
+        read_setting(name, range, written_setting(member), member);
 }
 
 std::vector<Event> chosen_actions(const Emulator& emulator, ActionSet space) {
@@ -493,14 +473,18 @@ struct Env::Impl {
         emulator.restore(recorded.start.substr(static_cast<std::size_t>(text.tellg())));
         reset();
         record.start = recorded.start;
+        const auto require_step = [&](bool intact) {
+            const bool possible = intact && !episode_over;
+            if (!possible) episode_over = true;  // half a game is none
+            require(possible);
+        };
         for (std::size_t i = 0; i < recorded.events.size(); ++i) {
             const float strength = recorded.strengths[i];
-            require(!episode_over && recorded.events[i] <= Event::down_left_fire && strength >= 0 &&
-                    strength <= 1);
+            require_step(recorded.events[i] <= Event::down_left_fire && strength >= 0 && strength <= 1);
             step(Push{recorded.events[i], strength});
         }
         for (const auto& command : recorded.commands) {
-            require(!episode_over && is_valid(command));
+            require_step(is_valid(command));
             step(command);
         }
     }

@@ -50,7 +50,7 @@ struct EnvConfig {
     std::optional<std::int64_t> mode{};
     std::optional<std::int64_t> difficulty{};
     std::int64_t num_envs = 1;
-    std::int64_t env_threads = 0;  // 0: one per environment, at most one per core
+    std::int64_t env_threads = 0;  // at most one per environment; 0: as many as there are cores
     Obs obs = Obs::pixels;
     bool observe_joystick = false;
     ActionSet action_space = ActionSet::continuous;
@@ -80,7 +80,7 @@ void fields(EnvConfig& config, Visit&& visit) {
           "the console's difficulty switches (cale games GAME); none: 0");
     visit("num_envs", config.num_envs, Range{1, 1024}, "environments that step together");
     visit("env_threads", config.env_threads, Range{0, 1024},
-          "threads that step them; 0: as many as there are cores");
+          "threads that step them, at most one for each; 0: as many as there are cores");
     visit("obs", config.obs,
           "pixels: the screen as 84 x 84 grey pixels; ram: the console's 128 bytes (encoder mlp or flat)");
     visit("observe_joystick", config.observe_joystick,

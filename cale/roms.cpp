@@ -1,5 +1,6 @@
 #include <cstdlib>
 #include <stdexcept>
+#include <system_error>
 #include <vector>
 
 #include "cale/env.h"
@@ -24,13 +25,14 @@ std::filesystem::path deps_dir() {
 
 std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir) {
     const std::string file = std::string(find_game(game).rom) + ".bin";
-    // A folder that the user names is the one that is meant.
+    // A folder that a setting names is the only one that is meant.
     std::vector<std::filesystem::path> folders = {rom_dir};
     if (rom_dir.empty()) folders = {from_environment("ALE_ROMS_DIR"), deps_dir() / "roms"};
     std::string searched;
     for (const auto& folder : folders) {
         if (folder.empty()) continue;
-        if (std::filesystem::is_regular_file(folder / file)) return folder / file;
+        std::error_code unreadable;  // such a folder does not have it
+        if (std::filesystem::is_regular_file(folder / file, unreadable)) return folder / file;
         searched += (searched.empty() ? "" : ", ") + folder.string();
     }
     throw std::runtime_error(

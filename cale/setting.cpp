@@ -39,6 +39,15 @@ std::optional<std::int64_t> parse_integer(std::string_view text) {
     return static_cast<std::int64_t>(*value);
 }
 
+/// The integers of "4" or "0-8"; none if the text is neither, or the first is the larger.
+std::optional<IntegerRange> parse_integer_range(std::string_view text) {
+    const auto dash = text.find('-', 1);  // a sign comes first
+    const auto low = number_in<std::int64_t>(text.substr(0, dash));
+    const auto high = dash == text.npos ? low : number_in<std::int64_t>(text.substr(dash + 1));
+    if (!low || !high || *low > *high) return std::nullopt;
+    return IntegerRange{*low, *high};
+}
+
 /// Whether it is one, however large.
 bool is_whole_number(std::string_view text) {
     const auto number = plain_number(text);
@@ -98,7 +107,10 @@ struct Writer {
     std::string operator()(const std::optional<Number>* member) const {
         return *member ? (*this)(&**member) : "none";
     }
-    std::string operator()(const IntegerRange* member) const { return setting_text(*member); }
+    std::string operator()(const IntegerRange* member) const {
+        const auto low = std::to_string(member->low);
+        return member->low == member->high ? low : low + '-' + std::to_string(member->high);
+    }
     std::string operator()(const bool* member) const { return *member ? "true" : "false"; }
     std::string operator()(const std::string* member) const { return *member; }
     std::string operator()(const EnumMember& member) const { return std::string(member.names[member.get()]); }
@@ -150,7 +162,7 @@ struct Reader {
         }
     }
     void operator()(IntegerRange* member) const {
-        const auto value = integer_range_in(text);
+        const auto value = parse_integer_range(text);
         if (!value) reject("an integer, or two such as 0-8");
         checked(std::optional(value->low), "an integer");
         checked(std::optional(value->high), "an integer");

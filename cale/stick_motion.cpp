@@ -5,7 +5,7 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "cale/text.h"
+#include "cale/setting.h"
 
 namespace cale {
 namespace {
@@ -39,9 +39,8 @@ namespace {
 /// The names of the settings and their values.
 std::vector<std::pair<std::string, std::string>> settings_of(StickMotion motion) {
     std::vector<std::pair<std::string, std::string>> settings;
-    fields(motion, [&](std::string_view name, const auto& value, const auto&...) {
-        settings.emplace_back(name, setting_text(value));
-    });
+    for (const auto& [name, help, range, member] : setting_fields(motion))
+        settings.emplace_back(name, written_setting(member));
     return settings;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <sstream>
 #include <utility>
 
 namespace cale {
@@ -15,27 +14,6 @@ std::vector<std::string> split(std::string_view text, char separator) {
     }
     parts.emplace_back(text);
     return parts;
-}
-
-std::optional<IntegerRange> integer_range_in(std::string_view text) {
-    const auto dash = text.find('-', 1);  // a sign comes first
-    const auto low = number_in<std::int64_t>(text.substr(0, dash));
-    const auto high = dash == text.npos ? low : number_in<std::int64_t>(text.substr(dash + 1));
-    if (!low || !high || *low > *high) return std::nullopt;
-    return IntegerRange{*low, *high};
-}
-
-std::string setting_text(double value) {
-    std::ostringstream text;
-    text << value;
-    return text.str();
-}
-std::string setting_text(std::int64_t value) {
-    return std::to_string(value);
-}
-std::string setting_text(const IntegerRange& range) {
-    const auto low = setting_text(range.low);
-    return range.low == range.high ? low : low + '-' + setting_text(range.high);
 }
 
 std::size_t utf8_length(std::string_view text) {

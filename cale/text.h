@@ -12,8 +12,6 @@
 #include <system_error>
 #include <vector>
 
-#include "cale/integer_range.h"
-
 namespace cale {
 
 /// Returns the parts between the separators: one more than there are separators; any may be empty.
@@ -27,21 +25,6 @@ std::optional<Number> number_in(std::string_view text) {
     const auto [stopped, error] = std::from_chars(text.data(), end, number);
     if (error != std::errc{} || stopped != end) return std::nullopt;
     return number;
-}
-
-/// Returns the integers of "4" or "0-8"; none if the text is neither, or the first is the larger.
-std::optional<IntegerRange> integer_range_in(std::string_view text);
-
-/// Returns the value of a setting as text, a number with six digits.
-std::string setting_text(double value);
-/// Returns an integer as text.
-std::string setting_text(std::int64_t value);
-/// Returns "4", or "0-8".
-std::string setting_text(const IntegerRange& range);
-/// Returns the number as text, or "none".
-template <class Number>
-std::string setting_text(const std::optional<Number>& value) {
-    return value ? setting_text(*value) : "none";
 }
 
 /// Returns "1 run", or "3 runs".

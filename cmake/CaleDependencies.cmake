@@ -37,9 +37,14 @@ if(CALE_BUILD_TRAIN)
     find_package(fmt REQUIRED)
     find_package(CLI11 REQUIRED)
     find_package(nlohmann_json REQUIRED)
-    # LibTorch brings the headers and the compiler of an old protobuf, without its library.
-    cmake_path(GET LibTorch_INCLUDE_DIR PARENT_PATH CMAKE_IGNORE_PREFIX_PATH)
-    list(APPEND CMAKE_IGNORE_PREFIX_PATH ${CALE_DEPS_DIR}/libtorch)
+    # LibTorch brings the headers and the compiler of an old protobuf, without its library. A LibTorch beside a whole
+    # protobuf, in /usr or in conda's folder, does not.
+    set(CMAKE_IGNORE_PREFIX_PATH ${CALE_DEPS_DIR}/libtorch)
+    cmake_path(GET LibTorch_INCLUDE_DIR PARENT_PATH torch_prefix)
+    file(GLOB protobuf ${torch_prefix}/lib*/libprotobuf.so ${torch_prefix}/lib/*/libprotobuf.so)
+    if(NOT protobuf)
+        list(APPEND CMAKE_IGNORE_PREFIX_PATH ${torch_prefix})
+    endif()
     find_package(Protobuf REQUIRED)
     unset(CMAKE_IGNORE_PREFIX_PATH)
     find_library(ZSTD_LIBRARY zstd REQUIRED)

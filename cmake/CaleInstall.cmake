@@ -20,6 +20,7 @@ foreach(component policy_lite env policy train)
     get_property(headers GLOBAL PROPERTY CALE_HEADERS_${component})
     foreach(header ${headers})
         cmake_path(RELATIVE_PATH header BASE_DIRECTORY ${PROJECT_SOURCE_DIR} OUTPUT_VARIABLE folder)
+        string(APPEND installed_headers "${folder}\n")
         cmake_path(GET folder PARENT_PATH folder)
         install(FILES ${header} DESTINATION ${CALE_INCLUDE_DIR}/${folder} COMPONENT ${component})
     endforeach()
@@ -30,6 +31,9 @@ foreach(component policy_lite env policy train)
     install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright
         COMPONENT ${component})
 endforeach()
+
+# What scripts/docs describes.
+file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/installed_headers.txt CONTENT "${installed_headers}")
 
 get_property(programs GLOBAL PROPERTY CALE_PROGRAMS)
 if(programs)

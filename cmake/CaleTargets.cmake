@@ -118,6 +118,7 @@ function(cale_reuse_precompiled target carrier)
         set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
         target_compile_options(${target} PRIVATE -fPIC)
     endif()
+    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)  # as the header, in a stranger's project too
     target_precompile_headers(${target} REUSE_FROM ${carrier})
 endfunction()
 

@@ -52,18 +52,18 @@ find_package_handle_standard_args(LibTorch
 if(LibTorch_FOUND AND NOT TARGET LibTorch::LibTorch)
     add_library(LibTorch::LibTorch INTERFACE IMPORTED)
     # Searched last: the wheel also carries its own fmt and protobuf headers, without their
-    # libraries, and these must not hide the system's.
+    # libraries, and these must not hide the system's. In quotes, as SHELL: splits at spaces.
     target_compile_options(LibTorch::LibTorch INTERFACE
-        "SHELL:-idirafter ${LibTorch_INCLUDE_DIR}"
-        "SHELL:-idirafter ${LibTorch_INCLUDE_DIR}/torch/csrc/api/include")
+        "SHELL:-idirafter \"${LibTorch_INCLUDE_DIR}\""
+        "SHELL:-idirafter \"${LibTorch_INCLUDE_DIR}/torch/csrc/api/include\"")
     target_link_libraries(LibTorch::LibTorch INTERFACE
         ${LibTorch_CPU_LIBRARY} ${LibTorch_C10_LIBRARY})
     if(LibTorch_CUDA_FOUND)
-        target_compile_options(LibTorch::LibTorch INTERFACE "SHELL:-idirafter ${LibTorch_CUDA_INCLUDE_DIR}")
+        target_compile_options(LibTorch::LibTorch INTERFACE "SHELL:-idirafter \"${LibTorch_CUDA_INCLUDE_DIR}\"")
         # Always linked: a program that only moves tensors to a device names no symbol of it, and compilers that
         # link as needed would drop it.
         target_link_libraries(LibTorch::LibTorch INTERFACE
-            "-Wl,--push-state,--no-as-needed,${LibTorch_CUDA_LIBRARY},--pop-state"
+            "-Wl,--push-state,--no-as-needed,\"${LibTorch_CUDA_LIBRARY}\",--pop-state"
             ${LibTorch_C10_CUDA_LIBRARY} ${cuda_runtime})
     endif()
 endif()

@@ -39,18 +39,18 @@ struct EvaluatedGame {
     std::string game{};         // which one, "Pong", where several are played in turn; else empty
     double episode_return = 0;  // undiscounted, neither clipped nor scaled
     std::int64_t length = 0;    // agent steps
-    std::int64_t frames = 0;
-    EventCounts events{};                     // how often each joystick event was chosen
+    std::int64_t frames = 0;    // emulated
+    EventCounts events{};       // how often each joystick event was chosen
     std::map<float, std::int64_t> rewards{};  // reward of an agent step -> count
 };
 
 /// The games of a plan, and what they have together.
 struct Evaluation {
-    std::vector<EvaluatedGame> games;  // by their numbers
-    EventCounts events{};              // the sums over the games
-    std::map<float, std::int64_t> rewards{};
-    double mean_return = 0;
-    double standard_deviation = 0;  // of the returns, divided by n
+    std::vector<EvaluatedGame> games;         // by their numbers
+    EventCounts events{};                     // the sums over the games
+    std::map<float, std::int64_t> rewards{};  // the same
+    double mean_return = 0;                   // over the games
+    double standard_deviation = 0;            // of the returns, divided by n
 };
 
 /// As EvaluationPlan::games or steps: no limit.
@@ -59,15 +59,15 @@ constexpr std::int64_t kNoLimit = std::numeric_limits<std::int64_t>::max();
 /// Which games are played, and how. Game i depends on `seed` and i alone, whatever `parallel` is, provided
 /// that the choices of `decide` for a game do.
 struct EvaluationPlan {
-    EnvConfig env{};  // several games are played in turn
-    std::int64_t games = 100;
+    EnvConfig env{};           // several games are played in turn
+    std::int64_t games = 100;  // at most; `steps` may allow fewer
     /// No game begins once the games before it total this many agent steps.
     std::int64_t steps = kNoLimit;
-    std::int64_t parallel = 1;  // games under way at a time, stepped by LibTorch's threads
-    std::uint64_t seed = 1;
-    double epsilon = 0;             // probability of a uniformly random action instead of the chosen one
-    std::filesystem::path video{};  // an MP4 file of one of the games; empty: none
-    std::int64_t filmed_game = 0;
+    std::int64_t parallel = 1;          // games under way at a time, stepped by LibTorch's threads
+    std::uint64_t seed = 1;             // each game's is derived from it
+    double epsilon = 0;                 // probability of a uniformly random action instead of the chosen one
+    std::filesystem::path video{};      // an MP4 file of one of the games; empty: none
+    std::int64_t filmed_game = 0;       // the number of the one in `video`
     double film_minutes = 5;            // of the game's time
     std::filesystem::path step_logs{};  // a folder for game_0000.csv, ... (evaluate/step_log.h); empty: none
     /// Games already played, by number: they are counted and not played again.
@@ -110,12 +110,12 @@ void write_evaluation(const std::filesystem::path& csv, const Evaluation& evalua
 
 /// Statistics of a set of returns.
 struct ReturnSummary {
-    double mean = 0;
-    double standard_deviation = 0;  // divided by n
-    double median = 0;
-    double interquartile_mean = 0;  // without the lowest and the highest quarter, rounded down
-    double minimum = 0;
-    double maximum = 0;
+    double mean = 0;                           // over the games
+    double standard_deviation = 0;             // divided by n
+    double median = 0;                         // of an even number: the mean of the middle two
+    double interquartile_mean = 0;             // without the lowest and the highest quarter, rounded down
+    double minimum = 0;                        // the worst game
+    double maximum = 0;                        // the best game
     std::optional<double> human_normalised{};  // (mean - random) / (human - random), where both are known
 };
 

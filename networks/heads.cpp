@@ -8,9 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include <torch/nn/module.h>
-#include <torch/types.h>
-
 #include "policy/encoder_layers.h"
 
 namespace cale {

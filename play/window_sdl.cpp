@@ -32,7 +32,7 @@ bool is_invisible(std::string_view driver) {
     return (driver == "offscreen" || driver == "dummy") && (asked == nullptr || *asked == '\0');
 }
 
-/// SDL itself. While it is there, Ctrl-C closes the window, so that a film under way is finished.
+/// SDL itself.
 struct Video {
     Video() {
         if (SDL_Init(SDL_INIT_VIDEO) != 0)

@@ -18,8 +18,8 @@ std::vector<SizedLayer> head_layers(const Head& head, std::int64_t inputs);
 
 /// A parameter of a network, float32.
 struct ParameterShape {
-    std::string name;
-    std::vector<std::int64_t> shape;
+    std::string name;                 // "encoder.conv1.weight"
+    std::vector<std::int64_t> shape;  // in PyTorch's order: outputs first
 };
 /// Returns every parameter of the network: "encoder.conv1.weight", ... Throws as sized_layers() does.
 std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network);

@@ -25,6 +25,7 @@ std::pair<std::int64_t, std::int64_t> same_padding(std::int64_t size, std::int64
 /// One layer. A convolution, a dense layer and a layer norm have the parameters `name`.weight and
 /// `name`.bias.
 struct Layer {
+    /// What it does.
     enum class Kind {
         conv,        // a square convolution
         max_pool,    // the largest of a square window; minus infinity around the image
@@ -36,7 +37,7 @@ struct Layer {
         dense,       // x W^T + b
         layer_norm,  // Ba et al. 2016, with epsilon 1e-6
     };
-    Kind kind = Kind::relu;
+    Kind kind = Kind::relu;           // which of these
     std::string name{};               // of its parameters
     std::int64_t outputs = 0;         // channels of a convolution, units of a dense layer
     std::int64_t kernel = 0;          // of a convolution and of max_pool: rows and columns
@@ -50,17 +51,18 @@ struct Layer {
     /// `name`.bias_sigma, drawn where actions are drawn and else 0.
     bool noisy = false;
 
+    /// Returns a layer of this kind. The arguments are the members of their names.
     static Layer conv(std::string name, std::int64_t channels, std::int64_t kernel, std::int64_t stride,
                       Padding padding = Padding::same, bool rows = false);
-    static Layer max_pool(std::int64_t kernel, std::int64_t stride);
-    static Layer dense(std::string name, std::int64_t units, bool noisy = false);
-    static Layer layer_norm(std::string name);
+    static Layer max_pool(std::int64_t kernel, std::int64_t stride);               // the same
+    static Layer dense(std::string name, std::int64_t units, bool noisy = false);  // the same
+    static Layer layer_norm(std::string name);                                     // the same
     /// A layer without parameters.
     static Layer of(Kind kind) { return {.kind = kind}; }
 
     bool operator==(const Layer&) const = default;
 };
-using Layers = std::vector<Layer>;
+using Layers = std::vector<Layer>;  // in the order in which they are applied
 
 inline constexpr double kLayerNormEpsilon = 1e-6;  // Flax's, not PyTorch's 1e-5
 
@@ -71,19 +73,20 @@ Layers chain(std::initializer_list<Layers> lists);
 
 /// The last dense layer, and how its numbers are an action.
 struct Head {
+    /// What the numbers are.
     enum class Kind {
         squashed_gaussian,  // actor.out: means and log standard deviations
         gaussian,           // actor.mean, and log standard deviations actor.log_std of their own
         categorical,        // actor.out: logits
         values,             // head.out, or head.adv and head.value where dueling: action values
     };
-    Kind kind = Kind::squashed_gaussian;
-    std::int64_t num_actions = 0;  // 0: coordinates of the joystick
-    bool dueling = false;          // of values: the actions' advantages and the state's value apart
-    std::int64_t num_atoms = 1;    // of values: more than one is a distribution (C51) ...
-    double value_limit = 10;       // ... over returns from -value_limit to value_limit
-    std::int64_t axes = 3;         // of the Gaussians: coordinates of an action
-    bool noisy = false;            // of values: the dense layers are noisy
+    Kind kind = Kind::squashed_gaussian;  // which of these
+    std::int64_t num_actions = 0;         // 0: coordinates of the joystick
+    bool dueling = false;                 // of values: the actions' advantages and the state's value apart
+    std::int64_t num_atoms = 1;           // of values: more than one is a distribution (C51) ...
+    double value_limit = 10;              // ... over returns from -value_limit to value_limit
+    std::int64_t axes = 3;                // of the Gaussians: coordinates of an action
+    bool noisy = false;                   // of values: the dense layers are noisy
     /// Of values, where not empty: sets of choices, of which an action takes one each (Discrete::factors).
     /// The layer has an output for every choice, and an action's is the mean of its choices'.
     std::vector<std::int64_t> factors{};
@@ -97,7 +100,7 @@ struct Head {
 struct NetworkSpec {
     std::vector<std::int64_t> observation{4, 84, 84};  // [stack, rows, columns], or [stack, bytes]
     Layers layers;                                     // from bytes, scaled to 0 ... 1, to a vector
-    Head head;
+    Head head;                                         // behind them
 
     bool operator==(const NetworkSpec&) const = default;
 };
@@ -109,16 +112,16 @@ bool is_noisy(const NetworkSpec& network);
 
 /// Channels, rows and columns of an image; of a vector only channels.
 struct ImageSize {
-    std::int64_t channels = 0, rows = 1, columns = 1;
-    std::int64_t count() const { return channels * rows * columns; }
+    std::int64_t channels = 0, rows = 1, columns = 1;                 // 1, 1 of a vector
+    std::int64_t count() const { return channels * rows * columns; }  // of numbers
     bool operator==(const ImageSize&) const = default;
 };
 
 /// A layer with the sizes that it has in a network.
 struct SizedLayer : Layer {
-    ImageSize in{}, out{};
-    // The window that moves over the image; smaller than `kernel` for convolutions along rows.
-    std::int64_t kernel_rows = 1, kernel_columns = 1, stride_rows = 1, stride_columns = 1;
+    ImageSize in{}, out{};                             // what it takes, and what it makes of it
+    std::int64_t kernel_rows = 1, kernel_columns = 1;  // the moving window; along rows less than `kernel`
+    std::int64_t stride_rows = 1, stride_columns = 1;  // how far it moves
     std::int64_t top = 0, left = 0, bottom = 0, right = 0;  // padding
     /// Of convolutions along rows: the only column of the stored kernel [out, in, k, k] that is used.
     std::int64_t kernel_slice = -1;

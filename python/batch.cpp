@@ -299,7 +299,9 @@ void Batch::write_final(std::int64_t index, std::span<std::uint8_t> observation,
 void Batch::write_current(const StepArrays& arrays) const {
     for (std::size_t i = 0; i < states_.size(); ++i) {
         write_observation(i, arrays.observations);
-        write_infos(i, at_start(i), arrays);
+        auto shown = at_start(i);
+        shown.result.episode_over = states_[i].must_restart;
+        write_infos(i, shown, arrays);
     }
 }
 

@@ -154,7 +154,7 @@ EnvConfig read_config(const nb::dict& texts) {
 
 nb::list game_table() {
     nb::list table;
-    for (const auto& game : games()) {
+    for (const auto& game : all_games()) {
         nb::dict row;
         row["name"] = std::string(game.name);
         row["rom"] = std::string(game.rom);

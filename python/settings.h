@@ -12,7 +12,7 @@ namespace cale::python {
 /// and std::invalid_argument for a value that is not allowed, both with the sentence to show.
 void set(EnvConfig& config, std::string_view name, std::string_view text);
 
-/// Returns a text that two configurations of one game share if and only if it takes the same course in both.
+/// Returns a text. Where two configurations share it, a game takes the same course in both.
 std::string course_of_games(const EnvConfig& config);
 
 }  // namespace cale::python

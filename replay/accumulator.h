@@ -27,10 +27,10 @@ enum class EpisodeEnd { none, terminal, truncated };
 
 /// An n-step transition, valid during the call that passes it.
 struct Transition {
-    std::span<const FrameId> observation;  // stack of frames, newest last
-    std::span<const FrameId> next_observation;
-    double n_step_return = 0;
-    double discount = 0;  // of the value of next_observation
+    std::span<const FrameId> observation;       // stack of frames, newest last
+    std::span<const FrameId> next_observation;  // n steps later, or at the episode's end
+    double n_step_return = 0;                   // of the rewards in between
+    double discount = 0;                        // of the value of next_observation
 };
 
 /// sum_k gamma^k r_k over these steps.
@@ -40,8 +40,10 @@ double n_step_return(std::span<const StoredStep> steps, double gamma);
 /// update_horizon + stack steps of the current episode.
 class Accumulator {
   public:
+    /// Takes a transition.
     using Emit = std::function<void(const Transition&)>;
 
+    /// The configuration's stack, update_horizon, gamma and rule.
     explicit Accumulator(const ReplayConfig& config);
 
     /// Takes the next step and hands every transition that it completes to `emit`, in
@@ -51,8 +53,8 @@ class Accumulator {
 
     /// The steps that later transitions may need, oldest first: to be saved and restored.
     std::vector<StoredStep>& steps() { return steps_; }
-    const std::vector<StoredStep>& steps() const { return steps_; }
-    std::int64_t max_steps() const { return horizon_ + stack_; }
+    const std::vector<StoredStep>& steps() const { return steps_; }  // the same
+    std::int64_t max_steps() const { return horizon_ + stack_; }     // how many these can be
 
   private:
     void add_corrected(EpisodeEnd ending, FrameId final_frame, const Emit& emit);

@@ -15,7 +15,7 @@ class FrameMirror {
     /// Throws std::runtime_error, naming device and gigabytes, where the device lacks the memory.
     FrameMirror(const ReplayConfig& config, torch::Device device);
 
-    torch::Device device() const { return frames_.device(); }
+    torch::Device device() const { return frames_.device(); }  // where the copy is
 
     /// Fills batch.observation and batch.next_observation, which are on device(), with the stacks of the
     /// transitions in the slots batch.index. First uploads the new frames.

@@ -28,6 +28,7 @@ class LazyArray {
 
   public:
     LazyArray() = default;
+    /// So many elements, all zero.
     explicit LazyArray(std::int64_t size) : bytes_(static_cast<std::size_t>(size) * sizeof(T)) {
         if (bytes_ == 0) return;
         void* memory = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE,
@@ -38,18 +39,20 @@ class LazyArray {
     ~LazyArray() {
         if (data_ != nullptr) ::munmap(data_, bytes_);
     }
+    /// Leaves the other empty.
     LazyArray(LazyArray&& other) noexcept
         : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+    /// Exchanges the two.
     LazyArray& operator=(LazyArray&& other) noexcept {
         std::swap(data_, other.data_);
         std::swap(bytes_, other.bytes_);
         return *this;
     }
 
-    T* data() { return data_; }
-    const T* data() const { return data_; }
-    T& operator[](std::int64_t i) { return data_[i]; }
-    const T& operator[](std::int64_t i) const { return data_[i]; }
+    T* data() { return data_; }                                     // the first element; null if empty
+    const T* data() const { return data_; }                         // the same
+    T& operator[](std::int64_t i) { return data_[i]; }              // element i, not checked
+    const T& operator[](std::int64_t i) const { return data_[i]; }  // the same
 
   private:
     T* data_ = nullptr;
@@ -59,8 +62,9 @@ class LazyArray {
 /// Returns the number of frames kept: one per transition, plus those of the unfinished windows of all
 /// environments stepping together, each with a final frame.
 std::int64_t frame_capacity(const ReplayConfig& config);
-/// Memory of a frame with the action chosen on it, and of a transition without its frames.
+/// Memory of a frame with the action chosen on it.
 std::int64_t bytes_per_frame(const ReplayConfig& config);
+/// Memory of a transition without its frames.
 std::int64_t bytes_per_transition(const ReplayConfig& config);
 
 /// Protects a range of growing numbers that another thread still reads: their slots must not be overwritten
@@ -72,7 +76,9 @@ class Hold {
         from_.store(number, std::memory_order_release);
         from_.notify_all();
     }
+    /// Holds nothing any more.
     void release() { from(kNone); }
+    /// Returns whether a number is held.
     bool is_held() const { return from_.load(std::memory_order_relaxed) != kNone; }
     /// Blocks until the number is no longer held.
     void wait_for(std::int64_t number) const {
@@ -102,9 +108,12 @@ void for_each_run(std::int64_t begin, std::int64_t end, std::int64_t ring, const
 /// First in, first out: overwriting a frame removes all transitions up to the last one that uses it. Does not
 /// check sizes.
 struct FrameRing {
+    /// Empty rings of the configured sizes.
     explicit FrameRing(const ReplayConfig& config);
 
-    std::int64_t stack, action_size, frame_size, frames_capacity, capacity;
+    std::int64_t stack, action_size;         // frames of an observation; coordinates of an action, or 0
+    std::int64_t frame_size;                 // bytes of a frame
+    std::int64_t frames_capacity, capacity;  // slots for frames, and for transitions
 
     LazyArray<std::uint8_t> frames;            // [frames_capacity, H, W]
     LazyArray<float> actions;                  // [frames_capacity, action_size]
@@ -120,12 +129,15 @@ struct FrameRing {
 
     Hold held_frames, held_transitions;  // by a snapshot
 
+    /// Returns the oldest stored frame.
     FrameId frames_begin() const { return std::max<FrameId>(frames_end - frames_capacity, 0); }
+    /// Returns how many transitions are stored.
     std::int64_t size() const { return transitions_end - transitions_begin; }
+    /// Returns whether a snapshot still reads it.
     bool is_held() const { return held_frames.is_held() || held_transitions.is_held(); }
     /// The frames of a transition: its observation's, then its next observation's.
     std::span<FrameId> frames_of(std::int64_t transition);
-    std::span<const FrameId> frames_of(std::int64_t transition) const;
+    std::span<const FrameId> frames_of(std::int64_t transition) const;  // the same
 
     /// Blocks while a snapshot holds the frame that is overwritten. Returns the new frame's number.
     FrameId push_frame(std::span<const std::uint8_t> pixels);
@@ -134,16 +146,18 @@ struct FrameRing {
     /// Does nothing if one of its frames has been overwritten.
     void push_transition(const Transition& transition);
 
-    /// Copies a transition to row `row` of a batch of the right shapes: all of it, or what is not pixels.
+    /// Copies a transition to row `row` of a batch of the right shapes.
     void copy(std::int64_t transition, Batch& batch, std::int64_t row) const;
+    /// The same for what is not pixels.
     void copy_values(std::int64_t transition, Batch& batch, std::int64_t row) const;
 
     /// Recomputes users_end. Returns false if a transition uses a frame that is not stored.
     bool restore_users();
 
-    /// Call visit(pointer, values per number) for each array of the frames' ring, and of the transitions'.
+    /// Calls visit(pointer, values per number) for each array of the frames' ring.
     template <class Visit>
     void for_each_frame_array(const Visit& visit);
+    /// The same for those of the transitions' ring.
     template <class Visit>
     void for_each_transition_array(const Visit& visit);
 

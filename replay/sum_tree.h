@@ -34,9 +34,11 @@ class SumTree {
 
     /// All values in order, for saving and restoring. After writing, restore_sums() must be called.
     std::span<double> values() { return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)}; }
+    /// The same, to be read.
     std::span<const double> values() const {
         return {nodes_.data() + leaves_, static_cast<std::size_t>(capacity_)};
     }
+    /// Computes all sums from the values.
     void restore_sums();
 
   private:

@@ -33,13 +33,11 @@ constexpr TrainOption kOptions[] = {
     {"--until", "STEP", "pause at this agent step: write a checkpoint, to resume from, and leave"},
     {"--device", "DEVICE", "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one"},
     {"--threads", "N",
-     "threads for tensors: a number, or auto: as many as a measurement at the start finds worth it, and one "
-     "without pictures"},
+     "threads for tensors: a number, or auto: measured at the start; one where the agent sees no images"},
     {"--no-progress", "", "no progress bar"},
     {"--print-config", "", "check the settings, print all of them as YAML, and leave"},
     {"--or", "",
-     "with --print-config: print another document, for which the plain KEY=VALUE after this count, and not "
-     "those before"},
+     "with --print-config: start another YAML document, to which only the KEY=VALUE after this one apply"},
     {"--version", "", "print the versions, and leave"},
     {"--help", "", "print this text, and leave"},
 };
@@ -319,7 +317,7 @@ std::string help_text(std::string_view program, std::string_view description, co
     }
     text += fmt::format(
         "\nexamples:\n"
-        "  {0} env.game=breakout --seed 1 --run-dir runs/breakout\n"
+        "  {0} --config FILE.yaml env.game=breakout --seed 1 --run-dir runs/breakout\n"
         "  {0} --resume --run-dir runs/breakout\n"
         "  {0} --config FILE.yaml --print-config\n\n",
         program);

@@ -36,7 +36,7 @@ void fields(TrainConfig& config, Visit&& visit) {
     visit("checkpoint_every", config.checkpoint_every, Range{1, 1e12},
           "agent steps between checkpoints; one is always written at the end");
     visit("keep_checkpoints", config.keep_checkpoints, Range{1, 1000},
-          "so many of the newest checkpoints stay");
+          "number of newest checkpoints to keep");
     visit("keep_every", config.keep_every, Range{0, 1e12},
           "a checkpoint at each multiple of so many agent steps stays for good; 0: none");
     visit("keep_best", config.keep_best,

@@ -25,7 +25,8 @@ std::string read_file(const std::filesystem::path& path, const StreamLimits& lim
 /// contents or all of the new ones. They are written and synced under a temporary name in the same folder and
 /// then renamed. Where `path` is a link, that is done to what it points to. Throws std::runtime_error where
 /// it is a device or a pipe, and std::system_error that names `path` and the reason (disk full, ...); the
-/// temporary file is then removed and the old file unchanged.
+/// temporary file is then removed and the old file unchanged, unless it is the renaming that could not be
+/// synced.
 void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
 
 /// The same for contents in several pieces.

@@ -8,9 +8,11 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <thread>
 
 namespace cale {
 namespace {
@@ -36,7 +38,15 @@ RunLock::RunLock(const std::filesystem::path& run_dir) {
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot write '{}'", file.string()));
     }
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    const auto is_held = [this] {
+        return ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    };
+    bool held = is_held();
+    for (int tries = 0; held && tries < 10; ++tries) {  // is_taken() of another process holds it for a moment
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        held = is_held();
+    }
+    if (held) {
         const auto who = holder(descriptor_);
         ::close(descriptor_);
         throw FolderTaken(fmt::format(

@@ -48,7 +48,10 @@ void run(CLI::App& app, std::vector<std::string> words) {
 // NOLINTNEXTLINE(bugprone-exception-escape): before the try block only memory can be short.
 int main(int argc, char** argv) {
     cale::open_standard_streams();
-    CLI::App app("Sweeps, evaluates, plays, reports and exports.", "cale");
+    CLI::App app(
+        "Sweeps, evaluation, play, reports and export for agents on the Continuous Arcade Learning "
+        "Environment.",
+        "cale");
     app.set_version_flag("--version", cale::version_text("cale"));
     app.require_subcommand(1);
     app.formatter(cale::help_formatter());

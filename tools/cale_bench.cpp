@@ -9,7 +9,7 @@ namespace cale {
 
 void add_bench(CLI::App& app) {
     auto& command = *app.add_subcommand("bench",
-                                        "Says where the time of a run went: environment, replay, transfer to "
+                                        "Shows where a run spent its time: environment, replay, transfer to "
                                         "the device, choosing actions, updates, logs.");
     const auto run_dir = std::make_shared<std::string>();
     command.add_option("RUN", *run_dir, "the folder of a run, finished or under way")

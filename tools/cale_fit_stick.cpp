@@ -27,10 +27,10 @@ void run(const Options& options) {
 }  // namespace
 
 void add_fit_stick(CLI::App& app) {
-    auto& command = *app.add_subcommand(
-        "fit-stick",
-        "Finds the speed, the damping and the latency of a real joystick from a log of what it was told and "
-        "where it was, and prints them as settings of the environment.");
+    auto& command = *app.add_subcommand("fit-stick",
+                                        "Finds the speed, the damping and the latency of a real joystick "
+                                        "from a log of commanded and measured "
+                                        "positions, and prints them as settings of the environment.");
     const auto options = std::make_shared<Options>();
     command
         .add_option("LOG", options->log,

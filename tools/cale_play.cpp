@@ -14,6 +14,7 @@
 #include "play/window.h"
 #include "settings/config.h"
 #include "terminal/console.h"
+#include "terminal/stop_signals.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 #include "train/export.h"
@@ -132,6 +133,7 @@ void run(const Options& options) {
     if (options.game.empty() && options.policy.empty())
         throw ConfigError("give a GAME, a --policy FILE, or both");
     PlayPlan plan = plan_of(options);
+    const StopSignals signals;  // end the session as a closed window does, so that the film is finished
     const auto window = open_window(options, plan);
     if (!plan.video.empty()) {
         check_output_file("--video", plan.video);
@@ -142,10 +144,13 @@ void run(const Options& options) {
         }
     }
     Stage stage;
+    stage.poll = [&](Hands& hands) {
+        if (stop_requested()) return Command::quit;
+        return window ? window->poll(hands) : Command::none;
+    };
     if (window) {
         if (!plan.decide) std::fputs(std::string(keyboard_help()).c_str(), stdout);
         stage.show = [&](const Image& picture, const std::string& title) { window->show(picture, title); };
-        stage.poll = [&](Hands& hands) { return window->poll(hands); };
     }
     Console console(stderr);
     FilmProgress progress(plan);

@@ -39,10 +39,11 @@ void run(const Options& options) {
 }  // namespace
 
 void add_stick(CLI::App& app) {
-    auto& command = *app.add_subcommand(
-        "stick",
-        "Shows how a joystick moves that is told to push to the right with the button, and then to return: "
-        "where it is after each frame, and which event the console is told.");
+    auto& command =
+        *app.add_subcommand("stick",
+                            "Shows the step response of a joystick, commanded to the right with the button "
+                            "pressed and then back to "
+                            "the centre: its position after each frame and the event that the console sees.");
     const auto options = std::make_shared<Options>();
     command
         .add_option("--config", options->config,
@@ -54,7 +55,8 @@ void add_stick(CLI::App& app) {
         ->allow_extra_args(false)
         ->take_all()
         ->type_name("KEY=VALUE");
-    command.add_option("--frames", options->frames, "how long it is told to push, in frames of 1/60 s")
+    command
+        .add_option("--frames", options->frames, "how long it is commanded to the right, in frames of 1/60 s")
         ->transform(whole_numbers(1, 1000))
         ->type_name("N");
     command

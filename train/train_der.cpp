@@ -2,6 +2,11 @@
 #include "train/program.h"
 
 int main(int argc, char** argv) {
-    return cale::run_program("der", "Trains data-efficient Rainbow on an Atari 2600 game.", cale::make_der,
-                             argc, argv);
+    return cale::run_program("der",
+                             "Trains a data-efficient Rainbow (DER) agent on an Atari 2600 game. Presets: "
+                             "configs/der/ram100k_joystick.yaml (the joystick, from the console's memory), "
+                             "configs/der/joystick100k.yaml (the joystick, from pixels), "
+                             "configs/der/atari100k.yaml (the paper's, with discrete actions); without one a "
+                             "run has 200 million frames.",
+                             cale::make_der, argc, argv);
 }

@@ -19,17 +19,17 @@ struct TrainingWorld;
 /// The loop's inputs besides the configuration.
 struct TrainOptions {
     std::filesystem::path run_dir;  // exists, and holds config.yaml and metadata.json
-    bool resume = false;
+    bool resume = false;            // from the run's newest checkpoint
     /// Called once the run's state has been loaded, with the seconds of training so far.
     std::function<void(double)> resumed = {};
     std::function<void()> checkpointed = {};  // called whenever a checkpoint is started
     std::int64_t until = 0;                   // agent step at which to pause; 0: none
     bool changed = false;                     // with resume: settings differ from the checkpoint's
-    bool progress_bar = true;
-    bool learns_beside = false;  // see TrainingProgram
-    ProcessGroup processes{};    // that train together; the first one writes the files
-    std::string agent_name;      // "sac", for episodes.csv
-    std::string config;          // all settings as YAML, for the checkpoints
+    bool progress_bar = true;                 // a line on the terminal that is kept up to date
+    bool learns_beside = false;               // see TrainingProgram
+    ProcessGroup processes{};                 // that train together; the first one writes the files
+    std::string agent_name;                   // "sac", for episodes.csv
+    std::string config;                       // all settings as YAML, for the checkpoints
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };
 

@@ -34,12 +34,12 @@ struct TrainingWorld {
     std::vector<std::filesystem::path> roms{};  // the games' files; empty: there are none
     std::vector<std::string> games{};           // that the environments play in turn; empty: one
 
-    MakeWorld make;
+    MakeWorld make;              // a world of so many environments as it is given seeds
     MakeWorld make_real_time{};  // the same in real time; null: it has none
     /// Plays the plan's games with `decide`, one after the other, in this world, whatever `plan.env` is. A
     /// world that cannot be filmed ignores `plan.video`.
     std::function<Evaluation(const Decide& decide, EvaluationPlan plan)> evaluate;
-    bool can_film = false;
+    bool can_film = false;  // whether evaluate() writes `plan.video`
 
     /// The world's description in a policy file; null: no policy files in this world.
     std::function<PolicyInfo()> policy_info{};

@@ -58,15 +58,10 @@ val object(const Moment& moment) {
     return result;
 }
 
-const char* text(cale::Head::Kind head) {
-    switch (head) {
-        case cale::Head::Kind::categorical:
-            return "log-probabilities";
-        case cale::Head::Kind::values:
-            return "values";
-        default:
-            return "gaussian";
-    }
+/// How the numbers of its output are to be read.
+std::string head(const Session& session) {
+    if (session.info().actions.empty()) return "gaussian";
+    return session.gives_action_values() ? "values" : "log-probabilities";
 }
 
 void load_policy(Session& session, const std::string& contents, const std::string& name) {
@@ -92,7 +87,7 @@ val info(const Session& session) {
         result.set("game", policy.game);
         result.set("agent", policy.agent);
         result.set("encoder", policy.encoder);
-        result.set("head", std::string(text(session.head())));
+        result.set("head", head(session));
         result.set("stack", static_cast<double>(policy.stack));
         result.set("rows", static_cast<double>(policy.frame_height));
         result.set("columns", static_cast<double>(policy.frame_width));

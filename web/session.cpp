@@ -11,7 +11,6 @@
 #include "cale/emulator.h"
 #include "cale/games.h"
 #include "cale/seeds.h"
-#include "policy/policy_file.h"
 #include "web/settings.h"
 
 namespace cale::web {
@@ -83,7 +82,6 @@ void Session::load_policy(std::string_view contents, const std::string& name) {
     trained.joystick = Joystick::polar;
     trained.terminal_on_life_loss = policy.info().life_loss_ends_episode;
     trained_ = trained;
-    head_ = parse_policy_file(contents).network.head.kind;
     workspace_ = policy.workspace();
     policy_ = std::move(policy);
     env_.reset();
@@ -111,7 +109,8 @@ void Session::insert_rom(std::string_view bytes) {
 void Session::start(std::string_view changes, std::uint64_t seed) {
     auto config = trained_;
     change(config, changes);
-    env_.emplace(config, derive_seed(seed, "play", 0));
+    Env made(config, derive_seed(seed, "play", 0));  // a game under way is kept where this one is refused
+    env_ = std::move(made);
     const auto space = observation_space(config);
     frame_.resize(static_cast<std::size_t>(space.frame_size()));
     stack_.emplace(1, static_cast<std::size_t>(space.stack), frame_.size());

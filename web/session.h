@@ -12,7 +12,6 @@
 
 #include "cale/env.h"
 #include "cale/games.h"
-#include "policy/network_spec.h"
 #include "policy/policy_lite.h"
 
 namespace cale::web {
@@ -46,8 +45,8 @@ class Session {
     /// Returns whether the ROM of the policy's game, or of one of its games, was dropped.
     bool has_rom() const { return has_rom_; }
     const PolicyInfo& info() const { return policy().info(); }
-    /// Returns how the numbers of output() are to be read.
-    Head::Kind head() const { return head_; }
+    /// Returns whether the numbers of output() are values of actions.
+    bool gives_action_values() const { return policy().gives_action_values(); }
 
     /// Returns the environment that the policy was trained in.
     const EnvConfig& trained() const { return trained_; }
@@ -85,7 +84,6 @@ class Session {
 
     std::optional<lite::Policy> policy_;
     std::optional<lite::Workspace> workspace_;
-    Head::Kind head_ = Head::Kind::values;
     EnvConfig trained_;
     std::vector<const Game*> games_;  // the policy's
     bool has_rom_ = false;            // of one of them

@@ -52,6 +52,8 @@ class Environments final : public World {
         require("bytes of frames", frames.size(), games_.size() * frame_size());
         require("bytes of final frames", final_frames.size(), games_.size() * frame_size());
         require("results", results.size(), games_.size());
+        if (std::holds_alternative<std::span<const float>>(actions) != (action_size() > 0))
+            throw std::invalid_argument("the world expects actions of the other kind");
         require("numbers of actions", std::visit([](const auto& all) { return all.size(); }, actions),
                 games_.size() * std::max<std::size_t>(1, action_size()));
         std::exception_ptr first;

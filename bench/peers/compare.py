@@ -11,8 +11,11 @@ import sys
 import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-BINARIES = os.path.join(HERE, "../../build/bin")
-CONFIGS = os.path.join(HERE, "../../configs")
+ROOT = os.path.dirname(os.path.dirname(HERE))
+BUILD = os.path.join(ROOT, "build")
+BINARIES = os.path.join(BUILD, "bin")
+CONFIGS = os.path.join(ROOT, "configs")
+CORES = sorted(os.sched_getaffinity(0))
 GAME = "pong"
 
 # The peer, and the network it has: phi_* is the same as ours, "nature" its own, smaller one (unpadded convolutions).
@@ -53,26 +56,27 @@ options.add_argument("--only", choices=["env", "update", "end-to-end", "ppo", "s
 options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates, runs and sweeps")
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates and PPO")
 options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
-options.add_argument("--csv", default="build/bench.csv")
+options.add_argument("--csv", default=f"{BUILD}/bench.csv")
 options = options.parse_args()
 
 if "CALE_PEERS" not in os.environ:
     sys.exit("run bench/compare: it installs the peers")
-log = open("build/bench.log", "w")
+log = open(f"{BUILD}/bench.log", "w")
+table = open(options.csv, "w", newline="")
 rows = []
 
 
 def run(command, threads, first_core=0):
     """Output and peak memory in MB of a command that has THREADS cores to itself; None if it fails."""
     environment = os.environ | {"CALE_BENCH_SECONDS": str(options.seconds), "OMP_NUM_THREADS": str(threads)}
-    cores = range(first_core, first_core + threads)
+    cores = CORES[first_core:first_core + threads]
     process = subprocess.Popen([str(word) for word in command], stdout=subprocess.PIPE, stderr=log, text=True,
                                env=environment, preexec_fn=lambda: os.sched_setaffinity(0, cores))
     output = process.stdout.read()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
-        print(f"left out: '{' '.join(map(str, command))}' failed with code {process.returncode}; see build/bench.log")
+        print(f"left out: '{' '.join(map(str, command))}' failed with code {process.returncode}; see {log.name}")
         return None, None
     return output, usage.ru_maxrss / 1024
 
@@ -85,6 +89,16 @@ def peer(name, key, threads, *arguments, first_core=0):
     output, memory = run([f"{os.environ['CALE_PEERS']}/{folder}/bin/python", f"{HERE}/{script}_peer.py", *arguments],
                          threads, first_core)
     return (json.loads(output.splitlines()[-1])[key], memory) if output else None
+
+
+def keep(**row):
+    """At once: all of it takes hours, and what was measured before an error is worth having."""
+    rows.append(row)
+    writer = csv.DictWriter(table, row)
+    if len(rows) == 1:
+        writer.writeheader()
+    writer.writerow(row)
+    table.flush()
 
 
 def compare(section, agent, encoder, threads, unit, ours, peers):
@@ -101,9 +115,9 @@ def compare(section, agent, encoder, threads, unit, ours, peers):
     mine, my_memory = median.pop("ours")
     for name, (value, memory) in median.items():
         ratio = value / mine if unit == "ms" else mine / value
-        rows.append(dict(section=section, agent=agent, encoder=encoder, threads=threads, peer=name, unit=unit,
-                         cale=f"{mine:.4g}", theirs=f"{value:.4g}", ratio=f"{ratio:.2f}", cale_mb=f"{my_memory:.0f}",
-                         theirs_mb=f"{memory:.0f}", repetitions=options.repetitions))
+        keep(section=section, agent=agent, encoder=encoder, threads=threads, peer=name, unit=unit,
+             cale=f"{mine:.4g}", theirs=f"{value:.4g}", ratio=f"{ratio:.2f}", cale_mb=f"{my_memory:.0f}",
+             theirs_mb=f"{memory:.0f}", repetitions=options.repetitions)
         print(f"{agent:14} {encoder:10} {threads:7}   {name:22} {mine:10.4g} {value:10.4g} {ratio:8.2f}"
               + (f" {my_memory:9.0f} {memory:9.0f}" if section in ("end-to-end", "ppo", "sweep") else ""), flush=True)
 
@@ -267,8 +281,4 @@ for section, measure in {"env": environments, "update": updates, "end-to-end": e
         measure()
 if not rows:
     sys.exit("bench/compare: no peer has what was asked for; docs/performance.md says which has what")
-with open(options.csv, "w", newline="") as file:
-    writer = csv.DictWriter(file, rows[0])
-    writer.writeheader()
-    writer.writerows(rows)
-print(f"\nAll rows: {options.csv}. Picture: bench/plot {options.csv} build/performance.svg")
+print(f"\nAll rows: {options.csv}. Picture: bench/plot {options.csv} {BUILD}/performance.svg")

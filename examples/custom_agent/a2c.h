@@ -33,7 +33,8 @@ void fields(A2cConfig& config, Visit&& visit) {
     visit("gamma", config.gamma, Range{0, 1}, "discount per agent step");
     visit("value_coefficient", config.value_coefficient, Range{0, 1000}, "weight of the value's loss");
     visit("entropy_coefficient", config.entropy_coefficient, Range{0, 1000}, "weight of the entropy bonus");
-    visit("max_gradient_norm", config.max_gradient_norm, Range{1e-9, 1e9}, "gradients are scaled down to it");
+    visit("max_gradient_norm", config.max_gradient_norm, Range{1e-9, 1e9},
+          "gradients of a larger norm are scaled down to this one");
     visit("learning_rate", config.learning_rate, Range{0, 1}, "Adam's learning rate");
     visit("adam_epsilon", config.adam_epsilon, Range{0, 1}, "Adam's epsilon, outside the root");
 }

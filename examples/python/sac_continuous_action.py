@@ -1,7 +1,7 @@
 """Soft actor-critic in one file, in the style of CleanRL, on the continuous joystick of a vector environment of cale's.
 
-    pip install ./python torch
-    python examples/python/sac_continuous_action.py --game road_runner --total-timesteps 100000
+    python3 -m venv env && env/bin/pip install ./python torch
+    env/bin/python examples/python/sac_continuous_action.py --game road_runner --total-timesteps 100000
 
 The agent sees the console's memory. Equations: Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications".
 """

@@ -1,7 +1,7 @@
 """Stable-Baselines3's PPO on a vector environment of cale's, unchanged.
 
-    pip install ./python stable-baselines3
-    python examples/python/sb3_ppo.py --game breakout --steps 1000000
+    python3 -m venv env && env/bin/pip install ./python stable-baselines3
+    env/bin/python examples/python/sb3_ppo.py --game breakout --steps 1000000
 
 Says the mean return of the newest hundred episodes at the end.
 """

@@ -1,7 +1,7 @@
 """Stable-Baselines3's SAC on the continuous joystick, unchanged, from the console's memory.
 
-    pip install ./python stable-baselines3
-    python examples/python/sb3_sac.py --game road_runner --steps 100000
+    python3 -m venv env && env/bin/pip install ./python stable-baselines3
+    env/bin/python examples/python/sb3_sac.py --game road_runner --steps 100000
 
 Says the mean return of the newest hundred episodes at the end.
 """

@@ -79,6 +79,28 @@ TEST(EmulatorEnv, NoOpsAtTheStartPressNothingWhateverTheEventMap) {
     }
 }
 
+TEST(EmulatorEnv, NoOpsAtTheStartAreStepsWithoutButtonOrDirection) {
+    for (const auto& stick_speed : {std::optional<double>(), std::optional(2.0)}) {
+        for (std::uint32_t seed = 1; seed <= 4; ++seed) {
+            auto config = discrete("breakout");
+            if (stick_speed) config.action_space = ActionSet::continuous;
+            config.motion.stick_speed = stick_speed;
+            config.sticky_probability = 0;
+            config.noop_max = 5;
+            const Played played(config, seed);
+            cale::Emulator emulator(cale::find_game("breakout"), cale::find_rom("breakout", ""), 0, 1);
+            emulator.reset();
+            // FIRE would have launched the ball, LEFT moved the paddle.
+            std::set<Bytes> idle;
+            for (int frame = 0; frame <= 5 * 4; ++frame) {
+                if (frame % 4 == 0) idle.emplace(emulator.ram().begin(), emulator.ram().end());
+                emulator.act(cale::Event::noop, 1);
+            }
+            EXPECT_TRUE(idle.contains({played.env.ram().begin(), played.env.ram().end()})) << seed;
+        }
+    }
+}
+
 TEST(EmulatorEnv, NoDiscreteActionPressesNothingWhateverTheEventMap) {
     for (const auto action_space : {ActionSet::full, ActionSet::continuous}) {
         EnvConfig config;
@@ -99,12 +121,12 @@ TEST(EnvConfig, ImpossibleSettingsAreNamed) {
         return message_of<std::invalid_argument>([&] { Env(config, 1); });
     };
     EXPECT_THAT(refusal([](EnvConfig& c) { c.sticky_probability = 1.5; }),
-                HasSubstr("sticky_probability is 1.5: it must lie in [0, 1]"));
-    EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_skip = 0; }), HasSubstr("frame_skip is 0"));
-    EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_stack = 0; }), HasSubstr("frame_stack is 0"));
+                HasSubstr("sticky_probability must be 0 to 1, not '1.5'"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_skip = 0; }), HasSubstr("frame_skip must be"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.frame_stack = 0; }), HasSubstr("frame_stack must be"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.threshold = std::numeric_limits<double>::quiet_NaN(); }),
-                HasSubstr("threshold is nan"));
-    EXPECT_THAT(refusal([](EnvConfig& c) { c.noop_max = -1; }), HasSubstr("noop_max is -1"));
+                HasSubstr("threshold must be a number, not 'nan'"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.noop_max = -1; }), HasSubstr("noop_max must be"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("nearest of the 64 is pong"));
 }
 
@@ -167,6 +189,27 @@ TEST(EmulatorEnv, OneFrameStepsShowTheirFrame) {
         ReferenceFrames reference(emulator.screen_height(), emulator.gray_palette());
         reference.set_first(emulator.screen());
         ASSERT_EQ(played.frame, reference.observe()) << "step " << t;
+    }
+}
+
+TEST(EmulatorEnv, LongerStepsShowTheBrighterOfTheirLastTwoFrames) {
+    for (const int frame_skip : {2, 3, 5}) {
+        auto config = discrete("pong");
+        config.frame_skip = frame_skip;
+        config.sticky_probability = 0;
+        Played played(config);
+        cale::Emulator emulator(cale::find_game("pong"), cale::find_rom("pong", ""), 0, 1);
+        emulator.reset();
+        for (std::uint64_t t = 0; t < 60; ++t) {
+            const auto result = played.random_step(t);
+            ReferenceFrames reference(emulator.screen_height(), emulator.gray_palette());
+            for (int frame = 1; frame <= frame_skip; ++frame) {
+                emulator.act(static_cast<cale::Event>(result.event), 1);
+                if (frame == frame_skip - 1) reference.set_first(emulator.screen());
+                if (frame == frame_skip) reference.set_second(emulator.screen());
+            }
+            ASSERT_EQ(played.frame, reference.observe()) << frame_skip << " frames, step " << t;
+        }
     }
 }
 

@@ -130,6 +130,21 @@ TEST(FrameStack, KeepsTheNewestLast) {
     EXPECT_THAT(stack.data(), ElementsAre(0, 0, 0, 0, 9, 9, 0, 0, 0, 0, 0, 0));
 }
 
+TEST(FrameStack, IsClearedBehindATerminalAndBehindATruncation) {
+    for (const bool terminal : {false, true}) {
+        for (const bool truncated : {false, true}) {
+            FrameStack stack(1, 3, 1);
+            stack.push(0, Bytes{1});
+            stack.push(0, Bytes{2});
+            stack.follow(0, {.terminal = terminal, .truncated = truncated}, Bytes{9});
+            if (terminal || truncated)
+                EXPECT_THAT(stack.data(), ElementsAre(0, 0, 9));
+            else
+                EXPECT_THAT(stack.data(), ElementsAre(1, 2, 9));
+        }
+    }
+}
+
 TEST(FrameStack, RefusesWhatDoesNotFit) {
     FrameStack stack(2, 4);
     EXPECT_EQ(stack.data().size(), 2 * 4 * cale::kFrameSize);

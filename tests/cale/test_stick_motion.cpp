@@ -195,10 +195,11 @@ TEST(StickMotion, ImpossibleSettingsAreNamed) {
         config.motion = motion;
         return message_of<std::invalid_argument>([&] { Env(config, 1); });
     };
-    EXPECT_THAT(refusal({.stick_speed = 0}), HasSubstr("stick_speed is 0: it must lie in [0.001, 2]"));
+    EXPECT_THAT(refusal({.stick_speed = 0}), HasSubstr("stick_speed must be 0.001 to 2, not '0'"));
     EXPECT_THAT(refusal({.stick_damping = 1}), HasSubstr("env.stick_damping is set, but env.stick_speed"));
-    EXPECT_THAT(refusal({.action_latency = {5, 3}}), HasSubstr("action_latency is 5-3"));
-    EXPECT_THAT(refusal({.observation_latency = {0, 1000}}), HasSubstr("observation_latency is 0-1000"));
+    EXPECT_THAT(refusal({.action_latency = {5, 3}}),
+                HasSubstr("action_latency must be an integer, or two such as 0-8, not '5-3'"));
+    EXPECT_THAT(refusal({.observation_latency = {0, 1000}}), HasSubstr("observation_latency must be 0 to"));
 }
 
 // ---- games ---------------------------------------------------------------------------
@@ -249,6 +250,13 @@ TEST(EmulatorStickMotion, AStickThatCrossesItsDiscInAFrameIsCalesJoystick) {
         const auto moving = play(game(name, {.stick_speed = 2}), 300);
         EXPECT_EQ(moving.observations, at_once.observations) << name;
         EXPECT_EQ(moving.rewards, at_once.rewards) << name;
+        // How far a paddle goes is how far the stick is pushed.
+        auto config = game(name);
+        config.paddle_strength = cale::PaddleStrength::radius;
+        const auto pushed = play(config, 300);
+        config.motion.stick_speed = 2;
+        EXPECT_EQ(play(config, 300).observations, pushed.observations) << name;
+        EXPECT_EQ(pushed.observations == at_once.observations, config.game == "ms_pacman");
     }
 }
 

@@ -32,6 +32,7 @@ foreach(prefix deb/usr ${unpacked})
     message(STATUS "${prefix}: ${output}")
     run(${WORK_DIR}/${folder}/lite_play)
     build(${WORK_DIR}/strangers/c_caller ${prefix} ${folder}_c)
+    run(${WORK_DIR}/${folder}_c/c_caller --help)  # starts if every library finds those it needs itself
 endforeach()
 
 # What the library shows is what it promises: nothing of the emulator's. Of function templates nm prints the type that

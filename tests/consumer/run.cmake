@@ -1,6 +1,7 @@
 # Installs the build into an empty folder, then builds strangers' projects against it: examples and consumers that lie
 # elsewhere, with CMake and with pkg-config, and one that has the sources as a subdirectory.
-# cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DCXX_FLAGS=... -DTRAIN=ON|OFF -DPOLICY=... -P run.cmake
+# cmake -DBUILD_DIR=... -DSOURCE_DIR=... -DWORK_DIR=... -DCXX_FLAGS=... -DDEPS_DIR=... -DTRAIN=ON|OFF
+# -DPOLICY=... -P run.cmake
 cmake_policy(VERSION 3.25)
 
 include(${CMAKE_CURRENT_LIST_DIR}/steps.cmake)
@@ -12,10 +13,11 @@ run(${CMAKE_COMMAND} --install ${BUILD_DIR} --prefix ${WORK_DIR}/only_lite --com
 file(COPY ${SOURCE_DIR}/tests/consumer ${SOURCE_DIR}/examples DESTINATION ${WORK_DIR}/strangers)
 set(strangers ${WORK_DIR}/strangers)
 
-# What is installed does not know where it was built.
+# What is installed does not know where it was built. It may know its dependencies, which can lie in this tree.
 file(GLOB_RECURSE texts ${WORK_DIR}/installed/*.cmake ${WORK_DIR}/installed/*.pc)
 foreach(text ${texts})
     file(READ ${text} content)
+    string(REPLACE ${DEPS_DIR} "" content "${content}")
     string(REPLACE ${WORK_DIR} "" content "${content}")
     if(content MATCHES "${BUILD_DIR}|${SOURCE_DIR}")
         message(FATAL_ERROR "${text} names a folder of the build: ${CMAKE_MATCH_0}")
@@ -24,6 +26,7 @@ endforeach()
 file(GLOB binaries ${WORK_DIR}/installed/bin/* ${WORK_DIR}/installed/lib*/*.so ${WORK_DIR}/installed/lib*/*/*.so)
 foreach(binary ${binaries})
     run(readelf -d ${binary})
+    string(REPLACE ${DEPS_DIR} "" output "${output}")
     if(output MATCHES "R(UN)?PATH[^\n]*(${BUILD_DIR}|${SOURCE_DIR})")
         message(FATAL_ERROR "${binary} looks for libraries in ${CMAKE_MATCH_2}")
     endif()
@@ -36,6 +39,13 @@ string(REGEX REPLACE "[0-9a-f]+ T (cale_policy_|cale_session_)[a-z_]+\n" "" othe
 if(NOT output MATCHES " T cale_policy_load\n" OR NOT others STREQUAL "")
     message(FATAL_ERROR "${c_library} shows\n${output}")
 endif()
+
+# Each header includes what it needs, from its own component.
+file(GLOB include ${WORK_DIR}/only_lite/include/cale-*)
+file(GLOB_RECURSE headers RELATIVE ${include} ${include}/*.h)
+foreach(header ${headers})
+    run(c++ -std=c++20 -fsyntax-only -I${include} -include ${header} -x c++ /dev/null)
+endforeach()
 
 # With CMake.
 build(${strangers}/consumer installed consumer)

@@ -102,6 +102,8 @@ TEST_F(Comparing, EventsAndRewardsAreTheMeansOfTheRunsThatHaveThem) {
     };
     folders_.write(run("a", 1) + "events.csv", "event,count\nFIRE,3\nUP,1\n");
     folders_.write(run("b", 2) + "events.csv", "event,count\nFIRE,1\nUP,3\n");
+    folders_.write("a/eval/step_000000100_rewards.csv", "quantile,reward\n0,0\n1,7\n");
+    folders_.write("b/eval/step_000000100_rewards.csv", "quantile,reward\n0,2\n1,9\n");
     run("c", 3);
     auto config = kQuick;
     config.score = ScoreKind::evaluation;
@@ -110,6 +112,10 @@ TEST_F(Comparing, EventsAndRewardsAreTheMeansOfTheRunsThatHaveThem) {
     ASSERT_THAT(shares, Not(IsEmpty()));
     EXPECT_DOUBLE_EQ(shares.at(static_cast<std::size_t>(Event::fire)), 0.5);
     EXPECT_DOUBLE_EQ(shares.at(static_cast<std::size_t>(Event::up)), 0.5);
+    const auto& rewards = comparison.results.at(0).games.at(0).reward_quantiles;
+    ASSERT_EQ(rewards.size(), 2U);
+    EXPECT_EQ(rewards[0].reward, 1);
+    EXPECT_EQ(rewards[1].reward, 8);
 }
 
 TEST_F(Comparing, SaysWhatAReaderMustKnow) {

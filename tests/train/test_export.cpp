@@ -117,6 +117,8 @@ std::vector<Case> cases() {
     sacd_standard.network.encoder = EncoderKind::mlp;
     sac_without_epsilon.exploration = ppo_without_epsilon.exploration = Exploration::epsilon_greedy;
     sac_without_epsilon.epsilon.epsilon_eval = ppo_without_epsilon.epsilon.epsilon_eval = 0;
+    PpoConfig ppo_epsilon = ppo_without_epsilon;
+    ppo_epsilon.epsilon.epsilon_eval = 0.5;
     sacd_standard.exploration = Exploration::standard;
     sac_without_epsilon.sampled_evaluation = sacd_standard.sampled_evaluation = true;
     const auto joystick = ActionSet::continuous;
@@ -139,6 +141,7 @@ std::vector<Case> cases() {
         make_case("sac_without_epsilon_sampled", "sac", sac_without_epsilon, joystick, make_sac, Obs::ram),
         make_case("sacd_standard_sampled", "sacd", sacd_standard, ActionSet::full, make_sacd, Obs::ram),
         make_case("ppo_without_epsilon", "ppo", ppo_without_epsilon, joystick, make_ppo, Obs::ram),
+        make_case("ppo_epsilon", "ppo", ppo_epsilon, joystick, make_ppo, Obs::ram),
         make_case("sac_cartesian", "sac", sac_ram, joystick, make_sac, Obs::ram, Joystick::cartesian),
         make_case("ppo_direction", "ppo", ppo_ram, joystick, make_ppo, Obs::ram, Joystick::direction),
         make_case("sacd_factored", "sacd", sacd, joystick, make_sacd, Obs::pixels, Joystick::factored),

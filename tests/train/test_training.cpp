@@ -575,6 +575,125 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
                 testing::ElementsAre(25.5, 50.5, 100.5));
 }
 
+/// Whose steps last 1, 4 and 2 frames in turn, and whose games take three steps, every other one cut off.
+class UnevenSteps final : public World {
+  public:
+    std::int64_t size() const override { return 1; }
+    ActionSpace action_space() const override { return joystick_space(); }
+    ObservationSpace observation_space() const override { return {.stack = 4, .shape = {2, 2}}; }
+    void reset(std::span<std::uint8_t> frames) override { std::ranges::fill(frames, 0); }
+    void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
+              std::span<StepResult> results) override {
+        std::ranges::fill(frames, 0);
+        std::ranges::fill(final_frames, 0);
+        const bool over = ++steps_ % 3 == 0, cut_off = over && steps_ % 2 == 0;
+        results[0] = {.reward = 1,
+                      .terminal = over && !cut_off,
+                      .truncated = cut_off,
+                      .episode_over = over,
+                      .frames = std::array{2, 1, 4}[static_cast<std::size_t>(steps_ % 3)]};
+    }
+    std::vector<EpisodeRecord> record() const override { return {{}}; }
+    void resume(std::span<const EpisodeRecord>) override {}
+
+  private:
+    int steps_ = 0;
+};
+
+TEST_F(TrainingEmulator, TablesHaveTheStepsAndTheFramesThatWerePlayed) {
+    eval.episodes = 0;
+    train_config.total_steps = 10;
+    log.every = 5;
+    ScribeAgent agent(1);
+    TrainingWorld world;
+    world.id = world.name = "Uneven";
+    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<UnevenSteps>(); };
+    EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
+    const auto rows = lines("episodes.csv");
+    ASSERT_EQ(rows.size(), 5U);
+    EXPECT_EQ(rows[2], "3,3,0.116667,3,7,1,0,0");
+    EXPECT_EQ(rows[3], "3,3,0.233333,6,14,1,0,1");
+    EXPECT_EQ(rows[4], "3,3,0.350000,9,21,1,0,0");
+    const auto progress = read_progress(folder.path() / "progress.csv");
+    EXPECT_THAT(progress.at("global_step"), testing::ElementsAre(5, 10));
+    EXPECT_THAT(progress.at("frame"), testing::ElementsAre(12, 22));
+}
+
+TEST_F(TrainingEmulator, StepsPerSecondAreThoseSinceTheRowBefore) {
+    eval.episodes = 0;
+    ScribeAgent agent(1);
+    train(agent);
+    const auto table = read_progress(folder.path() / "progress.csv");
+    const auto &steps = table.at("global_step"), &seconds = table.at("seconds"),
+               &speeds = table.at("steps_per_second");
+    ASSERT_EQ(steps.size(), 4U);
+    for (std::size_t i = 1; i < steps.size(); ++i) {
+        const double time = seconds[i] - seconds[i - 1];  // to a thousandth
+        EXPECT_GE(speeds[i] * (time + 0.0011), steps[i] - steps[i - 1]);
+        EXPECT_LE(speeds[i] * std::max(0.0, time - 0.0011), (steps[i] - steps[i - 1]) * 1.01);
+    }
+}
+
+TEST_F(TrainingEmulator, TheClosingLineHasTheMeanOfTheNewestTenGames) {
+    eval.episodes = 0;
+    train_config.total_steps = 150;
+    ScribeAgent agent(1);
+    TrainingWorld world;
+    world.id = world.name = "Numbered";
+    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(); };
+    testing::internal::CaptureStderr();
+    cale::train(agent, world, {train_config, eval, log}, options);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                HasSubstr("Mean return of the last 10 games in training: 145.5"));
+}
+
+TEST_F(TrainingEmulator, EnvironmentsHaveSeedsOfTheirOwnThatFollowFromTheRuns) {
+    const auto seeds_of = [&](std::int64_t seed) {
+        const TemporaryFolder place;
+        options.run_dir = place.path();
+        train_config.seed = seed;
+        train_config.total_steps = 4;
+        eval.episodes = 0;
+        env.num_envs = 4;
+        std::vector<std::uint32_t> seen;
+        auto world = training_world(env, eval);
+        world.make = [&, make = world.make](std::span<const std::uint32_t> seeds) {
+            seen.assign(seeds.begin(), seeds.end());
+            return make(seeds);
+        };
+        ScribeAgent agent(4);
+        cale::train(agent, world, {train_config, eval, log}, options);
+        return seen;
+    };
+    const auto first = seeds_of(1), again = seeds_of(1), second = seeds_of(2);
+    EXPECT_EQ(first, again);
+    std::set<std::uint32_t> all(first.begin(), first.end());
+    all.insert(second.begin(), second.end());
+    EXPECT_EQ(all.size(), 8U);
+}
+
+TEST_F(TrainingEmulator, EvaluationsHaveNoOpsOfTheirOwn) {
+    const auto frames_at_the_start = [&](std::int64_t training_noops, std::int64_t evaluation_noops) {
+        env.noop_max = training_noops;
+        eval.noop_max = evaluation_noops;
+        std::set<std::string> starts;
+        EvaluationPlan plan{.games = 6, .seed = 1};
+        std::int64_t game = -1;
+        training_world(env, eval).evaluate(
+            [&](const torch::Tensor& observations, std::span<const std::int64_t> numbers) {
+                if (std::exchange(game, numbers.front()) != numbers.front()) {
+                    const auto newest = observations[0][3].contiguous();
+                    starts.emplace(reinterpret_cast<const char*>(newest.const_data_ptr()), newest.nbytes());
+                }
+                return Chosen{.actions = torch::tensor({{1.0f, 0.0f, 0.0f}})};
+            },
+            plan);
+        return starts.size();
+    };
+    EXPECT_EQ(frames_at_the_start(29, 0), 1U);
+    EXPECT_GT(frames_at_the_start(0, 29), 1U);
+}
+
 TEST_F(TrainingEmulator, StopsAtAReturnThatNoReaderOfItsFilesWouldTake) {
     eval.episodes = 0;
     TrainingWorld world;

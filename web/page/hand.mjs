@@ -52,7 +52,7 @@ export class Hand {
         if (control) {
             if (down) this.#keys.add(code);
             else this.#keys.delete(code);
-            if (down && control !== 'half') this.take('keys');
+            if (down && control !== 'half') this.take(control === 'fire' ? undefined : 'keys');
             return true;
         }
         const digit = /^(?:Digit|Numpad)(\d)$/.exec(code);
