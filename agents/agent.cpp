@@ -2,8 +2,6 @@
 
 #include <stdexcept>
 
-#include <torch/types.h>
-
 namespace cale {
 
 void require_continuous(std::string_view who, const AgentSpec& spec) {

@@ -5,7 +5,6 @@
 #include <string>
 
 #include <ATen/CPUGeneratorImpl.h>
-#include <torch/types.h>
 
 namespace cale {
 

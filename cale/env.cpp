@@ -289,7 +289,7 @@ struct Env::Impl {
 
     /// Whether the action says where the paddle is.
     bool places_paddle() const { return config.paddle == Paddle::absolute; }
-    /// Whether a game is recorded as what it was told: the events do not follow from the settings alone.
+    /// Whether a game is recorded as its commands: the events do not follow from the settings alone.
     bool records_commands() const { return moving_stick || places_paddle(); }
 
     /// One frame. Returns the reward.

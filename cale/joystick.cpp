@@ -68,7 +68,7 @@ std::span<const StickCoordinate> stick_coordinates(Joystick joystick) {
 
 ActionSpace joystick_space(Joystick joystick) {
     if (joystick == Joystick::factored) {
-        return Discrete{.n = kEventCount, .factors = {std::begin(kStickFactors), std::end(kStickFactors)}};
+        return Discrete{.n = kEventCount, .factors = {3, 3, 2}};
     }
     Box box;
     for (const auto& [name, low, high] : stick_coordinates(joystick)) {
@@ -99,7 +99,7 @@ ContinuousAction stick(Joystick joystick, std::span<const float> action) {
     for (std::size_t i = 0; i < action.size(); ++i) check(coordinates[i], action[i]);
     if (joystick == Joystick::cartesian) return at_position(action[0], action[1], action[2]);
     if (joystick == Joystick::paddle)
-        return at_position(static_cast<float>(paddle_x(action[0])), 0, action[1]);
+        return at_position(static_cast<float>(2 * double{action[0]} - 1), 0, action[1]);
     return {.radius = action[2], .theta = std::atan2(action[1], action[0]), .fire = action[3]};
 }
 

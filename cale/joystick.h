@@ -48,15 +48,9 @@ ContinuousAction stick(Joystick joystick, std::span<const float> action);
 /// The other way round: the coordinates of a joystick; none in `factored`.
 std::vector<float> coordinates_of(Joystick joystick, const ContinuousAction& action);
 
-/// The numbers of categories of `factored`: x, y, fire.
-inline constexpr std::int64_t kStickFactors[] = {3, 3, 2};
 /// Returns where a paddle is, 0 to 1, whose joystick is at x, -1 to 1. Exact at both ends.
 inline double paddle_position(double x) {
     return (x + 1) / 2;
-}
-/// Returns the x of the joystick whose paddle is at `position`.
-inline double paddle_x(double position) {
-    return 2 * position - 1;
 }
 
 /// Returns the joystick for action number (3 x + y) 2 + fire of `factored`. Throws std::out_of_range.

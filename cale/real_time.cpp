@@ -111,7 +111,7 @@ struct RealTimeGame::Impl {
         if (late < 0) stopping = true;
         if (stopping) throw Stopped();
         if (!after_pause) late_frames += late;
-        return std::exchange(told, std::nullopt);
+        return std::exchange(command, std::nullopt);
     }
 
     void run() {
@@ -174,7 +174,7 @@ struct RealTimeGame::Impl {
 
     mutable std::mutex mutex;  // of all below
     std::condition_variable changed;
-    std::optional<FrameAction> told;
+    std::optional<FrameAction> command;
     std::deque<News> news;
     std::int64_t missed_frames = 0, late_frames = 0;
     bool paused = false, stopping = false;
@@ -207,7 +207,7 @@ void RealTimeGame::announce(const Actions& actions) {
     const auto action = action_of(impl_->config, impl_->env.actions(), actions);
     {
         const std::lock_guard lock(impl_->mutex);
-        impl_->told = action;
+        impl_->command = action;
     }
     impl_->announced = true;
     if (!impl_->console.joinable()) impl_->console = std::thread([impl = impl_.get()] { impl->run(); });

@@ -61,8 +61,8 @@ std::string changed_settings(const StickMotion& motion) {
 void check(const StickMotion& motion) {
     if (!motion.stick_damping || motion.stick_speed) return;
     throw std::invalid_argument(
-        "env.stick_damping is set, but env.stick_speed is none: a stick that is at once where it is told to "
-        "be has no mass; set env.stick_speed too, such as 0.2");
+        "env.stick_damping is set, but env.stick_speed is none: a stick that is at once in its commanded "
+        "position has no mass; set env.stick_speed too, such as 0.2");
 }
 
 StickPosition position_of(const ContinuousAction& action) {

@@ -1,5 +1,5 @@
-// A joystick that moves: how the stick, its button and the wires of a machine follow what they are told,
-// frame by frame of the console (1/60 s). CALE's own joystick is at once where it is told to be.
+// A joystick that moves: how the stick, its button and the wires of a machine follow their commands, frame by
+// frame of the console (1/60 s). CALE's own joystick reaches the commanded position at once.
 #pragma once
 
 #include <cstddef>
@@ -30,7 +30,7 @@ template <class Visit>
 void fields(StickMotion& motion, Visit&& visit) {
     visit("stick_speed", motion.stick_speed, Range{0.001, 2},
           "radii per frame; with damping the greatest speed from the centre to the rim; none: the stick is "
-          "at once where it is told to be");
+          "at once in the commanded position");
     visit("stick_damping", motion.stick_damping, Range{0.05, 5},
           "damping ratio of a stick with mass, 1 is critical; none: it moves at its speed, without mass");
     visit("button_frames", motion.button_frames, Range{0, 60},
@@ -40,7 +40,7 @@ void fields(StickMotion& motion, Visit&& visit) {
     visit("observation_latency", motion.observation_latency, Range{0, 240},
           "frames until the agent sees a screen; 0-8: drawn for every game");
     visit("actuation_noise", motion.actuation_noise, Range{0, 1},
-          "standard deviation, in radii, of the x and y that the stick is told in each agent step");
+          "standard deviation, in radii, of the noise on the x and y of each agent step's command");
 }
 
 /// Returns whether the stick does not simply follow: any of its settings but observation_latency is on.
@@ -81,10 +81,10 @@ struct StickPosition {
 /// Where the joystick for `action` is: its coordinates are float32, as joystick_event() computes them.
 StickPosition position_of(const ContinuousAction& action);
 
-/// A stick on its way. Without mass it moves straight towards where it is told to be, stick_speed a frame.
+/// A stick on its way. Without mass it moves straight towards the commanded position, stick_speed a frame.
 /// With a damping ratio zeta it obeys
 ///     x'' = omega^2 (target - x) - 2 zeta omega x',
-/// solved exactly from frame to frame. omega is such that a stick which is told to go from the centre to the
+/// solved exactly from frame to frame. omega is such that a stick which is commanded from the centre to the
 /// rim reaches stick_speed at its fastest. At the rim it stops. The button moves at its own even speed.
 class MovingStick {
   public:

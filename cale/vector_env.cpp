@@ -98,7 +98,7 @@ void read_bytes(const EpisodeRecord& record, const std::string& name, Values& va
     if (!values.empty()) std::memcpy(values.data(), found->second.data(), found->second.size());
 }
 
-/// Whether the environment's games are recorded as what they were told, not as events.
+/// Whether the environment's games are recorded as commands, not as events.
 bool records_commands(const Env& env) {
     return env.stick() || env.paddle();
 }

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include <torch/nn/init.h>
-#include <torch/types.h>
 #include <torch/utils.h>
 
 namespace cale {

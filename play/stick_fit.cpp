@@ -30,7 +30,7 @@ constexpr double kSlowest = 0.001, kFastest = 2, kLightest = 0.05, kHeaviest = 5
 /// The log's rows, and their times from the first one on.
 struct Rows {
     std::vector<double> seconds;
-    std::vector<StickSample> told, measured;
+    std::vector<StickSample> commanded, measured;
 };
 
 Rows rows_of(const CsvTable& table) {
@@ -49,11 +49,11 @@ Rows rows_of(const CsvTable& table) {
     for (std::size_t row = 0; row < table.rows.size(); ++row) {
         const auto number = [&](std::size_t i) { return table.number(row, columns[i]); };
         rows.seconds.push_back(number(0) - table.number(0, columns[0]));
-        rows.told.push_back({number(1), number(2)});
+        rows.commanded.push_back({number(1), number(2)});
         rows.measured.push_back({number(3), number(4)});
         if (row > 0 && rows.seconds[row] <= rows.seconds[row - 1])
             refuse(table, row, "the seconds must increase from row to row");
-        for (const auto& [x, y] : {rows.told.back(), rows.measured.back()}) {
+        for (const auto& [x, y] : {rows.commanded.back(), rows.measured.back()}) {
             if (std::hypot(x, y) > 1.2) {
                 refuse(table, row,
                        fmt::format("({:g}, {:g}) is more than 1.2 radii from the centre: positions are in "
@@ -97,8 +97,8 @@ StickMotion motion_of(const Candidate& candidate) {
 /// The candidate with its best latency and its error.
 Candidate with_latency(const StickLog& log, Candidate candidate) {
     candidate.latency = 0;
-    const auto path = simulated(motion_of(candidate), log.told);
-    for (std::size_t latency = 0; latency <= std::min(kMostLatency, log.told.size() - 1); ++latency) {
+    const auto path = simulated(motion_of(candidate), log.commanded);
+    for (std::size_t latency = 0; latency <= std::min(kMostLatency, log.commanded.size() - 1); ++latency) {
         const double error = squared_error(path, log.measured, latency);
         if (error < candidate.error) {
             candidate.error = error;
@@ -174,7 +174,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
         refuse(table, 0, "the stick must begin at rest in its centre, (0, 0)");
     const auto moves = [](const StickSample& at) { return std::hypot(at.x, at.y) > 0.05; };
     for (const auto& [name, samples] :
-         {std::pair("told to move", &rows.told), std::pair("moved", &rows.measured)}) {
+         {std::pair("commanded to move", &rows.commanded), std::pair("moved", &rows.measured)}) {
         if (std::ranges::any_of(*samples, moves)) continue;
         throw std::runtime_error(fmt::format(
             "{}: the stick is never {} by more than 0.05 radii: nothing can be fitted", csv.string(), name));
@@ -188,7 +188,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
             while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;
             return row;
         };
-        log.told.push_back(rows.told[row_at(static_cast<double>(frame - 1) / kFramesPerSecond)]);
+        log.commanded.push_back(rows.commanded[row_at(static_cast<double>(frame - 1) / kFramesPerSecond)]);
         const double end = static_cast<double>(frame) / kFramesPerSecond;
         const std::size_t at = row_at(end), next = std::min(at + 1, rows.seconds.size() - 1);
         const double length = rows.seconds[next] - rows.seconds[at];
@@ -198,13 +198,13 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     return log;
 }
 
-std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& told) {
+std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& commanded) {
     std::mt19937 random;  // of a fixed latency and without noise nothing is drawn
     MovingStick stick(motion);
     stick.centre(random);
     std::vector<StickSample> path;
-    path.reserve(told.size());
-    for (const auto& [x, y] : told) {
+    path.reserve(commanded.size());
+    for (const auto& [x, y] : commanded) {
         const double radius = std::min(1.0, std::hypot(x, y)), theta = std::atan2(y, x);
         stick.command({static_cast<float>(radius), static_cast<float>(theta), 0}, random);
         stick.advance();
@@ -220,18 +220,18 @@ StickFit fit_stick(const StickLog& log) {
 Picture stick_fit_picture(const StickLog& log, const StickFit& fit) {
     constexpr double kWidth = 860, kHeight = 170, kLeft = 66, kTop = 84, kBetween = 46;
     auto picture = titled_picture("A joystick's motion and its fit", kWidth);
-    draw_legend(picture, {"told", "measured", "fitted"}, kLeft, kWidth - kMargin, 46);
-    const auto path = simulated(fit.best().motion, log.told);
+    draw_legend(picture, {"commanded", "measured", "fitted"}, kLeft, kWidth - kMargin, 46);
+    const auto path = simulated(fit.best().motion, log.commanded);
     double top = kTop;
     for (const auto& [name, axis] : {std::pair("x", &StickSample::x), std::pair("y", &StickSample::y)}) {
         const Panel panel{.left = kLeft,
                           .top = top,
                           .right = kWidth - kMargin,
                           .bottom = top + kHeight,
-                          .x = {0, static_cast<double>(log.told.size() - 1)},
+                          .x = {0, static_cast<double>(log.commanded.size() - 1)},
                           .y = {-1.15, 1.15}};
         draw_axes(picture, panel, 8, 5);
-        picture.lines.push_back(curve(panel, along(log.told, axis), series_colour(0), 1.2));
+        picture.lines.push_back(curve(panel, along(log.commanded, axis), series_colour(0), 1.2));
         picture.lines.push_back(curve(panel, along(log.measured, axis), series_colour(1), 2.5));
         picture.lines.push_back(curve(panel, along(path, axis), series_colour(2), 1.5));
         picture.words.push_back({name, {kMargin, top + kHeight / 2}, kInk, 13, Anchor::start, true});
@@ -247,10 +247,10 @@ Picture stick_fit_picture(const StickLog& log, const StickFit& fit) {
 
 namespace {
 
-/// The motion of a stick that is told to push to the right with the button, and then to return.
+/// The motion of a stick that is commanded to the right with the button, and then back to the centre.
 struct StepResponse {
-    std::vector<double> told{0}, x{0}, button{0};  // before the first frame, and after each
-    std::vector<Event> events;                     // of each frame
+    std::vector<double> commanded{0}, x{0}, button{0};  // before the first frame, and after each
+    std::vector<Event> events;                          // of each frame
 };
 
 StepResponse step_response(const EnvConfig& env, std::int64_t frames_held) {
@@ -269,7 +269,7 @@ StepResponse step_response(const EnvConfig& env, std::int64_t frames_held) {
         }
         stick.advance();
         const auto& [x, y, button] = stick.position();
-        response.told.push_back(target);
+        response.commanded.push_back(target);
         response.x.push_back(x);
         response.button.push_back(button);
         response.events.push_back(joystick_event_at(static_cast<float>(x), static_cast<float>(y),
@@ -303,7 +303,8 @@ std::string stick_fit_text(const StickLog& log, const StickFit& fit) {
     std::string text = fmt::format(
         "# Fitted to {} frames of 1/60 s; error {:.4f} radii (root mean square), {:.4f} without mass and "
         "{:.4f} with it.\nenv:\n  stick_speed: {:.4g}\n",
-        log.told.size(), best.error, fit.without_mass.error, fit.with_mass.error, *best.motion.stick_speed);
+        log.commanded.size(), best.error, fit.without_mass.error, fit.with_mass.error,
+        *best.motion.stick_speed);
     if (best.motion.stick_damping)
         text += fmt::format("  stick_damping: {:.4g}\n", *best.motion.stick_damping);
     text += fmt::format("  action_latency: {}\n", best.motion.action_latency.low);
@@ -324,8 +325,8 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
     constexpr double kWidth = 860, kLeft = 66, kTop = 72, kBottom = 318, kStrip = 30;
     const auto settings = changed_settings(env.motion);
     auto picture = titled_picture("The step response of a joystick", kWidth);
-    draw_legend(picture, {"told", "stick", "button"}, kLeft, kWidth - kMargin, 46);
-    const auto [told, x, button, events] = step_response(env, frames_held);
+    draw_legend(picture, {"commanded", "stick", "button"}, kLeft, kWidth - kMargin, 46);
+    const auto [commanded, x, button, events] = step_response(env, frames_held);
     const auto frames = events.size();
     const Panel panel{.left = kLeft,
                       .top = kTop,
@@ -337,7 +338,7 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
     const double line = panel.to_y(env.threshold);
     picture.lines.push_back({{{panel.left, line}, {panel.right, line}}, kFaintInk, 1, true});
     picture.words.push_back({"threshold", {panel.right, line - 5}, kFaintInk, 11, Anchor::end});
-    picture.lines.push_back(curve(panel, told, series_colour(0), 1.2));
+    picture.lines.push_back(curve(panel, commanded, series_colour(0), 1.2));
     picture.lines.push_back(curve(panel, x, series_colour(1), 2.5));
     picture.lines.push_back(curve(panel, button, series_colour(2), 1.5));
     // The events, from frame to frame: a strip with a field for each stretch of the same one.
@@ -355,7 +356,7 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
     }
     finish_picture(picture, top + kStrip + 6,
                    fmt::format("Frames of 1/60 s. Told to push to the right with the button for {} frames, "
-                               "then to return. {}. Below: what the console is told.",
+                               "then to return. {}. Below: the event that the console sees.",
                                frames_held, settings.empty() ? "CALE's own joystick" : settings));
     return picture;
 }

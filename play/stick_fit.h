@@ -1,4 +1,4 @@
-// The motion of a real joystick from a log of what it was told and where it was (cale/stick_motion.h).
+// The motion of a real joystick from a log of commanded and measured positions (cale/stick_motion.h).
 #pragma once
 
 #include <cstdint>
@@ -17,19 +17,20 @@ struct StickSample {
     double x = 0, y = 0;
 };
 
-/// What a stick was told, and where it was at the end of each frame of 1/60 s.
+/// The commanded position of a stick in each frame of 1/60 s, and the measured one at its end.
 struct StickLog {
-    std::vector<StickSample> told, measured;  // of one size
+    std::vector<StickSample> commanded, measured;  // of one size
 };
 
 /// Reads a table with the columns seconds, command_x, command_y, x, y; others are ignored. A command holds
 /// until the next row; between two rows the measured position is interpolated. Throws std::runtime_error,
 /// naming the file, where it cannot be read, times do not increase, a position is more than 1.2 radii from
-/// the centre, the stick does not begin in its centre, or there is less than half a second.
+/// the centre, the stick does not begin in its centre, is never commanded to move or never moves by more than
+/// 0.05 radii, or the log is shorter than half a second or longer than 600 s.
 StickLog read_stick_log(const std::filesystem::path& csv);
 
 /// Returns where a stick that moves so is in each frame of the log, which begins at rest in the centre.
-std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& told);
+std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& commanded);
 
 struct FittedStick {
     StickMotion motion;
@@ -48,12 +49,12 @@ StickFit fit_stick(const StickLog& log);
 
 /// The best fit as the section env of a configuration file, and the errors of both fits as its comments.
 std::string stick_fit_text(const StickLog& log, const StickFit& fit);
-/// x and y of the log over time: what was told, what was measured, and the best fit.
+/// x and y of the log over time: commanded, measured, and of the best fit.
 Picture stick_fit_picture(const StickLog& log, const StickFit& fit);
 
 /// The step response, see below, as a table: frame, x, button, event.
 std::string step_response_text(const EnvConfig& env, std::int64_t frames_held);
-/// The step response of the environment's joystick: it is told to push to the right with the button, and in
+/// The step response of the environment's joystick: it is commanded to the right with the button, and in
 /// the first agent step after `frames_held` frames to return. x and the button over time, the threshold, and
 /// below it the event of each frame. A latency that is drawn is the longest.
 Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held);

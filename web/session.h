@@ -19,7 +19,7 @@ namespace cale::web {
 /// An agent step.
 struct Moment {
     bool by_hand = false;
-    ContinuousAction commanded{};  // what the stick was told, by whoever held it
+    ContinuousAction commanded{};  // of the stick, by whoever held it
     Decision decision{};           // what the policy wants, whoever plays
     StepResult result{};
     double episode_return = 0;  // so far, or of the whole game at its end
@@ -29,7 +29,7 @@ struct Moment {
 /// A frame of the newest agent step.
 struct Frame {
     std::vector<std::uint8_t> rgba;      // screen_height() x screen_width() x 4
-    std::optional<StickPosition> stick;  // none: it is where it is told to be
+    std::optional<StickPosition> stick;  // none: it is in the commanded position
 };
 
 /// Loads, starts and plays. Every function throws a std::exception whose text is a sentence for the visitor.

@@ -25,9 +25,9 @@ StickLog log_of(const StickMotion& motion, double noise = 0) {
         const auto uniform = [&](std::uint64_t which) {
             return 1.4 * (static_cast<double>(golden::bits(which, frame / 20) % 1000) / 1000 - 0.5);
         };
-        log.told.push_back({uniform(1), uniform(2)});
+        log.commanded.push_back({uniform(1), uniform(2)});
     }
-    log.measured = simulated(motion, log.told);
+    log.measured = simulated(motion, log.commanded);
     for (std::size_t i = 0; i < log.measured.size(); ++i) {
         const auto error = [&](std::uint64_t which) {
             return noise * std::sqrt(12.0) *
@@ -101,11 +101,11 @@ TEST_F(StickLogs, AreResampledAtTheConsolesFrames) {
         text += fmt::format("{},{},{},0,{},0\n", row, seconds, row < 50 ? 1 : -1, std::min(1.0, row / 50.0));
     }
     const auto log = read_stick_log(folder_.write("log.csv", text));
-    ASSERT_EQ(log.told.size(), 60u);
+    ASSERT_EQ(log.commanded.size(), 60u);
     EXPECT_NEAR(log.measured[0].x, 2 / 60.0, 1e-9);  // at the end of the first frame
     EXPECT_NEAR(log.measured[14].x, 0.5, 1e-9);
-    EXPECT_EQ(log.told[29].x, 1);   // begins at 29/60 s
-    EXPECT_EQ(log.told[30].x, -1);  // at 30/60
+    EXPECT_EQ(log.commanded[29].x, 1);   // begins at 29/60 s
+    EXPECT_EQ(log.commanded[30].x, -1);  // at 30/60
 }
 
 TEST_F(StickLogs, OfTimesInMillisecondsAreReadFrameByFrame) {
@@ -114,9 +114,9 @@ TEST_F(StickLogs, OfTimesInMillisecondsAreReadFrameByFrame) {
     for (int row = 0; row <= 60; ++row)
         text += fmt::format("{:.3f},{},0,{},0\n", row / 60.0, row % 7 < 3 ? 1 : -1, row > 0 ? 0.5 : 0);
     const auto log = read_stick_log(folder_.write("log.csv", text));
-    ASSERT_EQ(log.told.size(), 60u);
+    ASSERT_EQ(log.commanded.size(), 60u);
     for (std::size_t frame = 0; frame < 60; ++frame)
-        EXPECT_EQ(log.told[frame].x, frame % 7 < 3 ? 1 : -1) << frame;
+        EXPECT_EQ(log.commanded[frame].x, frame % 7 < 3 ? 1 : -1) << frame;
 }
 
 TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
@@ -132,7 +132,7 @@ TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n1,512,0,0,0\n"), HasSubstr("log.csv:3: (512, 0) is more than"));
     EXPECT_THAT(error_of(header + "0,0,0,0.9,0\n1,0,0,0,0\n"), HasSubstr("log.csv:2: the stick must begin"));
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n1,0,0,0.5,0\n"),
-                HasSubstr("the stick is never told to move by"));
+                HasSubstr("the stick is never commanded to move by"));
     EXPECT_THAT(error_of(header + "0,1,0,0,0\n1,0,0,0,0\n"), HasSubstr("the stick is never moved by more"));
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n1,0,left,0,0\n"), HasSubstr("line 3 is '1,0,left,0,0'"));
 }
@@ -140,7 +140,7 @@ TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
 TEST(StickFigures, HaveTheirCurves) {
     const auto log = log_of({.stick_speed = 0.1});
     const auto svg = to_svg(stick_fit_picture(log, fit_stick(log)));
-    for (const auto* word : {"told", "measured", "fitted", "radii"}) EXPECT_THAT(svg, HasSubstr(word));
+    for (const auto* word : {"commanded", "measured", "fitted", "radii"}) EXPECT_THAT(svg, HasSubstr(word));
     EnvConfig env;
     env.motion = {.stick_speed = 0.25, .button_frames = 4};
     const auto response = to_svg(step_response_picture(env, 12));
