@@ -355,9 +355,9 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
             picture.words.push_back({name, {(left + right) / 2, top + 19}, kInk, 11, Anchor::middle});
     }
     finish_picture(picture, top + kStrip + 6,
-                   fmt::format("Frames of 1/60 s. Told to push to the right with the button for {} frames, "
-                               "then to return. {}. Below: the event that the console sees.",
-                               frames_held, settings.empty() ? "CALE's own joystick" : settings));
+                   fmt::format("Frames of 1/60 s. {}. Commanded to the right with the button for {} frames, "
+                               "then back to the centre. Below: the event that the console sees.",
+                               settings.empty() ? "CALE's own joystick" : settings, frames_held));
     return picture;
 }
 

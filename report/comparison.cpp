@@ -128,6 +128,14 @@ bool any_variant(const GameResult* game) {
            std::ranges::any_of(game->runs, [](const Run* run) { return run->env && is_variant(*run->env); });
 }
 
+/// "a; b; c and 9 other groups"
+std::string some_of(const std::vector<std::string_view>& groups) {
+    constexpr std::size_t kNamed = 3;
+    const auto named = std::min(groups.size(), kNamed);
+    const auto text = fmt::format("{}", fmt::join(std::span(groups).first(named), "; "));
+    return named == groups.size() ? text : text + " and " + counted(groups.size() - named, "other group");
+}
+
 /// Fills `games` and `left_out_games`.
 void choose_games(Comparison& comparison) {
     for (const auto& game : all_games()) {
@@ -146,7 +154,7 @@ void choose_games(Comparison& comparison) {
                  "env.mode or env.difficulty is set, and no human score is of that variant"});
         } else if (!without.empty()) {
             comparison.left_out_games.push_back(
-                {std::string(game.name), fmt::format("no run of {}", fmt::join(without, "; "))});
+                {std::string(game.name), fmt::format("no run of {}", some_of(without))});
         } else {
             comparison.games.push_back(&game);
         }
@@ -443,7 +451,7 @@ std::vector<Note> notes_on(const Comparison& comparison) {
     if (comparison.games.empty())
         notes.push_back(
             {"There is no game with a human score that every group has played: nothing is aggregated over "
-             "games."});
+             "games. Fewer groups may have games in common."});
     if (!comparison.left_out_games.empty())
         notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
     if (!comparison.left_out_baselines.empty())

@@ -317,7 +317,7 @@ std::string help_text(std::string_view program, std::string_view description, co
     }
     text += fmt::format(
         "\nexamples:\n"
-        "  {0} --config FILE.yaml env.game=breakout --seed 1 --run-dir runs/breakout\n"
+        "  {0} --config FILE.yaml --run-dir runs/breakout\n"
         "  {0} --resume --run-dir runs/breakout\n"
         "  {0} --config FILE.yaml --print-config\n\n",
         program);

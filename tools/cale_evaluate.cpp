@@ -343,10 +343,9 @@ void add_run_options(CLI::App& command, Options& options) {
         ->needs(video)
         ->transform(numbers(0.01, 1000))
         ->type_name("X");
-    command.add_flag(
-        "--step-log", options.step_log,
-        "a table of each game in the folder's steps/: what was told in each agent step, and what "
-        "the console saw in each frame");
+    command.add_flag("--step-log", options.step_log,
+                     "a table of each game in the folder's steps/: the command of each agent step, and what "
+                     "the console saw in each frame");
     command
         .add_option("--device", options.device, "auto, cpu, cuda or cuda:<index>; auto: cuda if there is one")
         ->type_name("DEVICE");

@@ -60,6 +60,9 @@ TEST_F(Comparing, OnlyGamesThatAllHavePlayedAndThatHaveAHumanScore) {
     EXPECT_EQ(comparison.left_out_games[1].why, "no run of dqn");
     EXPECT_THAT(labels_of(comparison), ElementsAre("dqn", "sac"));
     EXPECT_THAT(comparison.results[1].games, SizeIs(3)) << "tables and curves show them all";
+    for (const auto* agent : {"der", "ppo", "sacd"})
+        folders_.run(fmt::format("{}_pong", agent), agent, "Pong", 1, {-20.7});
+    EXPECT_EQ(compared().left_out_games[1].why, "no run of der; dqn; ppo and 1 other group");
     EXPECT_NEAR(comparison.results[1].aggregates[0].value, 0, 1e-12);
 }
 

@@ -673,6 +673,7 @@ TEST_F(TrainingEmulator, EnvironmentsHaveSeedsOfTheirOwnThatFollowFromTheRuns) {
 }
 
 TEST_F(TrainingEmulator, EvaluationsHaveNoOpsOfTheirOwn) {
+    env.game = "ms_pacman";  // in which something moves from the first frame on
     const auto frames_at_the_start = [&](std::int64_t training_noops, std::int64_t evaluation_noops) {
         env.noop_max = training_noops;
         eval.noop_max = evaluation_noops;
