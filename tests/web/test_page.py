@@ -292,6 +292,11 @@ class Page(unittest.TestCase):
         self.until(lambda: self.text("numbers").endswith("DOWN"))
         ActionChains(self.browser).key_up(Keys.ARROW_DOWN).perform()
         self.until(lambda: self.text("numbers").endswith("UPRIGHT"))
+        # The space bar fires, and leaves the stick to the gamepad.
+        ActionChains(self.browser).key_down(Keys.SPACE).perform()
+        self.until(lambda: self.text("numbers").endswith("UPRIGHTFIRE"))
+        ActionChains(self.browser).key_up(Keys.SPACE).perform()
+        self.until(lambda: self.text("numbers").endswith("UPRIGHT"))
         self.browser.execute_script("pad.axes = [0, 0, 0, 0]; press(9, true)")
         self.until(lambda: self.text("player") == "The policy plays")
         self.plays_on()

@@ -51,7 +51,7 @@ function begin() {
     showDecision();
 }
 
-/** Begins anew where there is a game, and says why not where that fails. */
+/** Begins again where there is a game, and says why not where that fails. */
 function restart() {
     say('');
     history.replaceState(null, '', toHash(options));
@@ -158,22 +158,36 @@ function showRate(now) {
     [countedFrom, countedFrames] = [now, player.played];
 }
 
+/** Returns what `play` returns. Where the game cannot continue, the page says so. */
+function attempt(play) {
+    try {
+        return play();
+    } catch (error) {
+        pause(true);
+        return say(`The game cannot continue: ${error.message}.`);
+    }
+}
+
+/** Returns the first gamepad; null where there is none, or a page around this one does not allow it. */
+function firstGamepad() {
+    try {
+        return (navigator.getGamepads?.() ?? []).find((pad) => pad) ?? null;
+    } catch {
+        return null;
+    }
+}
+
 let gamepadShown;
 function repaint(now) {
     requestAnimationFrame(repaint);
-    const gamepad = (navigator.getGamepads?.() ?? []).find((pad) => pad) ?? null;
+    const gamepad = firstGamepad();
     hand.poll(gamepad);
     if (gamepad?.id !== gamepadShown) showGamepad(gamepad);
     gamepadShown = gamepad?.id;
     if (!session.hasGame) return;
     showRate(now);
     const before = player.moment?.steps;
-    try {
-        if (!player.advance(now)) return;
-    } catch (error) {
-        pause(true);
-        return say(`The game cannot continue: ${error.message}.`);
-    }
+    if (!attempt(() => player.advance(now))) return;
     showFrame();
     if (player.moment.steps === before) showDial();
     else showDecision();
@@ -303,9 +317,11 @@ function connectButtons() {
 function oneStep() {
     if (!session.hasGame) return;
     pause(true);
-    player.step();
-    showFrame();
-    showDecision();
+    attempt(() => {
+        player.step();
+        showFrame();
+        showDecision();
+    });
 }
 
 async function copyLink() {
