@@ -169,6 +169,16 @@ def test_damaged_and_foreign_states_are_refused():
     envs.step(envs.action_space.sample())
 
 
+def test_a_restored_ending_is_still_one():
+    env = cale.Env("breakout", max_frames_per_episode=8)
+    env.reset(seed=1)
+    env.step(env.action_space.sample())
+    running = env.save()
+    assert env.step(env.action_space.sample())[4]["episode_over"]
+    assert env.restore(env.save())[1]["episode_over"]
+    assert not env.restore(running)[1]["episode_over"]
+
+
 def test_a_lost_life_ends_an_episode_and_not_the_game():
     env = cale.Env("breakout", terminal_on_life_loss=True, sticky_probability=0, action_space="minimal")
     env.reset(seed=1)
