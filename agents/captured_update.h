@@ -26,7 +26,7 @@ class CapturedUpdate {
     /// Runs `update` once. It must be the same in every call.
     void operator()(const std::function<void()>& update);
     /// Discards the recording: the next run executes `update` again, with all its assignments, and records
-    /// anew.
+    /// them again.
     void forget();
 
   private:

@@ -70,7 +70,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
           "agent steps per update, over all environments: a multiple of num_envs and of minibatch_size");
     visit("minibatch_size", settings.minibatch_size, Range{2, 1e7}, "agent steps per gradient step");
     visit("minibatches", settings.minibatches,
-          "shuffled: drawn anew in every epoch; contiguous: stretches of time, in one random order");
+          "shuffled: in another order in every epoch; contiguous: stretches of time, in one random order");
     visit("epochs", settings.epochs, Range{1, 1000}, "passes over a rollout");
     visit("max_gradient_norm", settings.max_gradient_norm, Range{1e-9, 1e9},
           "gradients of a larger norm are scaled down to this one");

@@ -43,7 +43,7 @@ typedef struct {
     int32_t frame_height;           /* rows */
     int32_t frame_width;            /* columns */
     int32_t frame_skip;             /* emulated frames per decision */
-    int32_t life_loss_ends_episode; /* 1: the stack starts anew at a lost life */
+    int32_t life_loss_ends_episode; /* 1: the stack is cleared at a lost life */
     double threshold;               /* how far the joystick must be pushed to count */
     double epsilon;                 /* of the run's own evaluations */
 } cale_policy_info;

@@ -25,7 +25,7 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
 /// Returns whether the group's runs are rows of a table (recorded_runs.h).
 bool is_recorded(const Group& group);
 
-/// Gives groups the names to which `names` maps their labels, and sorts them anew. Throws
+/// Gives groups the names to which `names` maps their labels, and sorts them again. Throws
 /// std::invalid_argument for a label that no group has, naming those that there are, and where two groups
 /// then have the same name. Where a recorded group has the label of one of the user's, the latter is meant.
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names);

@@ -205,7 +205,7 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
         has_intervals(comparison)
             ? fmt::format(
                   "Intervals are {:g} % percentile intervals of a stratified bootstrap: {} resamples, {} for "
-                  "the bands of curves and profiles, each drawing every game's runs anew, with replacement, "
+                  "the bands of curves and profiles, each drawing every game's runs with replacement, "
                   "seed {}.",
                   100 * bootstrap.confidence, bootstrap.resamples,
                   std::min(bootstrap.resamples, kBandResamples), bootstrap.seed)

@@ -593,21 +593,21 @@ TEST(Ppo, ContiguousMinibatchesKeepTheirOrderInAllEpochsAndTheirLossesAreAverage
     }
 }
 
-TEST(Ppo, ShuffledMinibatchesAreDrawnAnewInEveryEpoch) {
+TEST(Ppo, ShuffledMinibatchesHaveAnotherOrderInEveryEpoch) {
     const std::vector<std::pair<Witness::Rows, Witness::Rows>> orders{{{0, 1}, {2, 3}}, {{0, 2}, {1, 3}},
                                                                       {{0, 3}, {1, 2}}, {{1, 2}, {0, 3}},
                                                                       {{1, 3}, {0, 2}}, {{2, 3}, {0, 1}}};
-    int repeated = 0, drawn_anew = 0;
+    int repeated = 0, reordered = 0;
     for (std::uint64_t seed = 1; seed <= 6; ++seed) {
         Witness w(two_epochs(Minibatches::shuffled), joystick_world(1, seed));
         const auto learned = w.learned();
         for (const auto& [a, b] : orders)
             for (const auto& [c, d] : orders)
                 if (distance(learned, w.taught(w.errors(), {a, b, c, d})) < kRounding)
-                    ++(a == c ? repeated : drawn_anew);
+                    ++(a == c ? repeated : reordered);
     }
-    EXPECT_EQ(repeated + drawn_anew, 6);
-    EXPECT_GT(drawn_anew, 0);
+    EXPECT_EQ(repeated + reordered, 6);
+    EXPECT_GT(reordered, 0);
 }
 
 // The reference's defects -------------------------------------------------------------

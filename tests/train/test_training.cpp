@@ -540,22 +540,27 @@ TEST_F(TrainingEmulator, TheClockOfAResumedRunGoesOn) {
     EXPECT_TRUE(std::ranges::is_sorted(seconds)) << testing::PrintToString(seconds);
 }
 
-/// Whose episodes have one step, and a return that is their number, times `unit`.
-class NumberedEpisodes final : public World {
+/// A world in which nothing is seen.
+class BlankWorld : public World {
   public:
-    explicit NumberedEpisodes(float unit = 1) : unit_(unit) {}
     std::int64_t size() const override { return 1; }
     ActionSpace action_space() const override { return joystick_space(); }
     ObservationSpace observation_space() const override { return {.stack = 4, .shape = {2, 2}}; }
     void reset(std::span<std::uint8_t> frames) override { std::ranges::fill(frames, 0); }
+    std::vector<EpisodeRecord> record() const override { return {{}}; }
+    void resume(std::span<const EpisodeRecord>) override {}
+};
+
+/// Whose episodes have one step, and a return that is their number, times `unit`.
+class NumberedEpisodes final : public BlankWorld {
+  public:
+    explicit NumberedEpisodes(float unit = 1) : unit_(unit) {}
     void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t>,
               std::span<StepResult> results) override {
         std::ranges::fill(frames, 0);
         results[0] = {
             .reward = unit_ * static_cast<float>(++episodes_), .terminal = true, .episode_over = true};
     }
-    std::vector<EpisodeRecord> record() const override { return {{}}; }
-    void resume(std::span<const EpisodeRecord>) override {}
 
   private:
     float unit_;
@@ -576,12 +581,8 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
 }
 
 /// Whose steps last 1, 4 and 2 frames in turn, and whose games take three steps, every other one cut off.
-class UnevenSteps final : public World {
+class UnevenSteps final : public BlankWorld {
   public:
-    std::int64_t size() const override { return 1; }
-    ActionSpace action_space() const override { return joystick_space(); }
-    ObservationSpace observation_space() const override { return {.stack = 4, .shape = {2, 2}}; }
-    void reset(std::span<std::uint8_t> frames) override { std::ranges::fill(frames, 0); }
     void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override {
         std::ranges::fill(frames, 0);
@@ -593,8 +594,6 @@ class UnevenSteps final : public World {
                       .episode_over = over,
                       .frames = std::array{2, 1, 4}[static_cast<std::size_t>(steps_ % 3)]};
     }
-    std::vector<EpisodeRecord> record() const override { return {{}}; }
-    void resume(std::span<const EpisodeRecord>) override {}
 
   private:
     int steps_ = 0;

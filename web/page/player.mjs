@@ -21,7 +21,7 @@ export class Player {
         this.#stepped = stepped;
     }
 
-    /** Starts a game anew. Throws what Session.start() throws. */
+    /** Starts a new game. Throws what Session.start() throws. */
     start(changes, seed) {
         this.#session.start(changes, seed);
         this.moment = null;
