@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 
 #include <gmock/gmock.h>
@@ -8,6 +9,7 @@
 #include "cale/emulator.h"
 #include "cale/env.h"
 #include "cale/games.h"
+#include "cale/text.h"
 #include "message_of.h"
 #include "support/temporary_folder.h"
 
@@ -27,8 +29,23 @@ TEST(Games, SixtyOfWhichTwentySixAreAtari100k) {
         EXPECT_EQ(game.random_score.has_value(), game.human_score.has_value()) << game.name;
         EXPECT_TRUE(!game.in_atari100k || game.human_score) << game.name;
     }
-    EXPECT_EQ(find_game("breakout").human_score, 30.5);
-    EXPECT_EQ(find_game("skiing").random_score, -17098.1);
+}
+
+TEST(Games, ScoresAndActionsAreTheReferences) {
+    std::ifstream table(CALE_SOURCE_DIR "/tests/cale/games.csv");
+    std::string line;
+    std::getline(table, line);
+    ASSERT_EQ(line, "game,in_100k,random,human,minimal_action_count");
+    std::size_t rows = 0;
+    for (; std::getline(table, line); ++rows) {
+        const auto cells = cale::split(line, ',');
+        const auto& game = find_game(cells.at(0));
+        EXPECT_EQ(game.in_atari100k, cells.at(1) == "1") << line;
+        EXPECT_EQ(game.random_score, cale::number_in<double>(cells.at(2))) << line;
+        EXPECT_EQ(game.human_score, cale::number_in<double>(cells.at(3))) << line;
+        EXPECT_EQ(game.minimal_action_count, cale::number_in<int>(cells.at(4))) << line;
+    }
+    EXPECT_EQ(rows, cale::games().size());
 }
 
 TEST(Games, EverySpellingIsFound) {

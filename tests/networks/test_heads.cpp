@@ -184,7 +184,7 @@ TEST(SquashedGaussian, DensityOnTheBoxsBorderIsThatOfTheNearestFloatInside) {
     const auto box = double_box();
     const SquashedGaussian policy{torch::zeros({2, 3}, kDouble), torch::zeros({2, 3}, kDouble)};
     const auto corners = torch::stack({box.centre - box.half_width, box.centre + box.half_width});
-    const double u = std::atanh(static_cast<double>(std::nextafter(1.0f, 0.0f)));
+    const double u = std::atanh(0.99999994);  // which float32 has as the largest number below 1
     const double normal = -0.5 * u * u - 0.5 * std::log(2 * std::numbers::pi);
     const double slope = std::log(1 - std::pow(std::tanh(u), 2));
     const auto expected = torch::full({2}, 3 * (normal - slope) - box.log_half_widths, kDouble);
