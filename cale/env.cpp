@@ -458,8 +458,10 @@ struct Env::Impl {
     }
 
     void resume(const GameRecord& recorded) {
-        const auto require = [](bool intact) {
-            if (!intact) throw std::runtime_error("a recorded game is damaged, or another configuration's");
+        const auto require = [this](bool intact) {
+            if (intact) return;
+            episode_over = true;  // part of a game is none: reset() must follow
+            throw std::runtime_error("a recorded game is damaged, or another configuration's");
         };
         std::istringstream text(recorded.start);
         text >> noop_generator;
@@ -473,18 +475,14 @@ struct Env::Impl {
         emulator.restore(recorded.start.substr(static_cast<std::size_t>(text.tellg())));
         reset();
         record.start = recorded.start;
-        const auto require_step = [&](bool intact) {
-            const bool possible = intact && !episode_over;
-            if (!possible) episode_over = true;  // half a game is none
-            require(possible);
-        };
         for (std::size_t i = 0; i < recorded.events.size(); ++i) {
             const float strength = recorded.strengths[i];
-            require_step(recorded.events[i] <= Event::down_left_fire && strength >= 0 && strength <= 1);
+            require(!episode_over && recorded.events[i] <= Event::down_left_fire && strength >= 0 &&
+                    strength <= 1);
             step(Push{recorded.events[i], strength});
         }
         for (const auto& command : recorded.commands) {
-            require_step(is_valid(command));
+            require(!episode_over && is_valid(command));
             step(command);
         }
     }

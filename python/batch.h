@@ -87,8 +87,8 @@ class Batch {
 
     /// Begins an episode in each environment that `mask` chooses, and writes what all of them show. An
     /// environment that has a seed is made again. One without it continues with its generators; after the
-    /// loss of a life that ended an episode its game goes on, unless `new_game`. `seeds`: N; the first reset
-    /// needs all of them.
+    /// loss of a life that ended an episode its game continues, unless `new_game`. `seeds`: N; the first
+    /// reset needs all of them.
     void reset(std::span<const std::optional<std::uint32_t>> seeds, std::span<const bool> mask, bool new_game,
                const StepArrays& arrays);
 

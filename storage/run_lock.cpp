@@ -38,15 +38,11 @@ RunLock::RunLock(const std::filesystem::path& run_dir) {
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot write '{}'", file.string()));
     }
-    const auto is_held = [this] {
-        return ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-    };
-    bool held = is_held();
-    for (int tries = 0; held && tries < 10; ++tries) {  // is_taken() of another process holds it for a moment
-        std::this_thread::sleep_for(std::chrono::milliseconds(5));
-        held = is_held();
-    }
-    if (held) {
+    for (int waits = 0; ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++waits) {
+        if (waits < 10) {  // is_taken() of another process holds it for a moment
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+            continue;
+        }
         const auto who = holder(descriptor_);
         ::close(descriptor_);
         throw FolderTaken(fmt::format(

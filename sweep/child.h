@@ -33,8 +33,8 @@ pid_t start_child(const std::vector<std::string>& command, const ChildSettings& 
 /// Returns how the child ended; none while it runs. Do not call again after it has returned an end.
 std::optional<ChildEnd> poll_child(pid_t child);
 
-/// Returns the descriptor, or in its place one that is none of the standard streams, which a child gets
-/// again: where one of them is closed, a file may have its number. -1 stays -1.
+/// Returns the descriptor, or in its place one above the standard streams, which a child opens for itself:
+/// where one of them is closed, a file may have its number. -1 stays -1.
 int above_standard_streams(int descriptor);
 
 /// Whether the process has a handler for the signal; false where there is no such process.

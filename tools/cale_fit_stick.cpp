@@ -29,8 +29,8 @@ void run(const Options& options) {
 void add_fit_stick(CLI::App& app) {
     auto& command = *app.add_subcommand("fit-stick",
                                         "Finds the speed, the damping and the latency of a real joystick "
-                                        "from a log of commanded and measured "
-                                        "positions, and prints them as settings of the environment.");
+                                        "from a log of commanded and measured positions, and prints them as "
+                                        "settings of the environment.");
     const auto options = std::make_shared<Options>();
     command
         .add_option("LOG", options->log,

@@ -111,6 +111,7 @@ TEST(EmulatorResume, RefusesWhatIsNoRecord) {
     const auto good = env.record();
     const auto expect_refused = [&](const GameRecord& record) {
         EXPECT_THAT([&] { env.resume(record); }, ThrowsMessage<std::runtime_error>(HasSubstr("damaged")));
+        EXPECT_THROW(step(env, 1, 0, frame), std::logic_error) << "part of a game is none";
     };
     expect_refused({});
     for (const std::size_t length :

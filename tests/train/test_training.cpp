@@ -113,6 +113,15 @@ class TrainingEmulator : public testing::Test {
     Outcome train(Agent& agent) {
         return cale::train(agent, training_world(env, eval), {train_config, eval, log}, options);
     }
+    /// Trains a scribe in a `Made`, which is made of `arguments`.
+    template <class Made, class... Arguments>
+    Outcome train_in(Arguments... arguments) {
+        ScribeAgent agent(1);
+        TrainingWorld world;
+        world.id = world.name = "Made";
+        world.make = [=](std::span<const std::uint32_t>) { return std::make_unique<Made>(arguments...); };
+        return cale::train(agent, world, {train_config, eval, log}, options);
+    }
     std::vector<std::string> lines(const std::string& name) const {
         std::istringstream text(read_file(folder.path() / name));
         std::vector<std::string> result;
@@ -571,11 +580,7 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
     eval.episodes = 0;
     train_config.total_steps = 150;
     log.every = 50;
-    ScribeAgent agent(1);
-    TrainingWorld world;
-    world.id = world.name = "Numbered";
-    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(); };
-    EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
+    EXPECT_EQ(train_in<NumberedEpisodes>(), Outcome::finished);
     EXPECT_THAT(read_progress(folder.path() / "progress.csv").at("charts/avg_episodic_return"),
                 testing::ElementsAre(25.5, 50.5, 100.5));
 }
@@ -603,11 +608,7 @@ TEST_F(TrainingEmulator, TablesHaveTheStepsAndTheFramesThatWerePlayed) {
     eval.episodes = 0;
     train_config.total_steps = 10;
     log.every = 5;
-    ScribeAgent agent(1);
-    TrainingWorld world;
-    world.id = world.name = "Uneven";
-    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<UnevenSteps>(); };
-    EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
+    EXPECT_EQ(train_in<UnevenSteps>(), Outcome::finished);
     const auto rows = lines("episodes.csv");
     ASSERT_EQ(rows.size(), 5U);
     EXPECT_EQ(rows[2], "3,3,0.116667,3,7,1,0,0");
@@ -636,12 +637,8 @@ TEST_F(TrainingEmulator, StepsPerSecondAreThoseSinceTheRowBefore) {
 TEST_F(TrainingEmulator, TheClosingLineHasTheMeanOfTheNewestTenGames) {
     eval.episodes = 0;
     train_config.total_steps = 150;
-    ScribeAgent agent(1);
-    TrainingWorld world;
-    world.id = world.name = "Numbered";
-    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(); };
     testing::internal::CaptureStderr();
-    cale::train(agent, world, {train_config, eval, log}, options);
+    train_in<NumberedEpisodes>();
     EXPECT_THAT(testing::internal::GetCapturedStderr(),
                 HasSubstr("Mean return of the last 10 games in training: 145.5"));
 }
@@ -696,14 +693,8 @@ TEST_F(TrainingEmulator, EvaluationsHaveNoOpsOfTheirOwn) {
 
 TEST_F(TrainingEmulator, StopsAtAReturnThatNoReaderOfItsFilesWouldTake) {
     eval.episodes = 0;
-    TrainingWorld world;
-    world.id = world.name = "Numbered";
-    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<NumberedEpisodes>(4e11F); };
-    ScribeAgent agent(1);
     EXPECT_THAT(
-        [&] {
-            cale::train(agent, world, {train_config, eval, log}, options);
-        },
+        [&] { train_in<NumberedEpisodes>(4e11F); },
         testing::ThrowsMessage<std::runtime_error>(testing::StartsWith("a game ended with a return of ")));
     options.resume = true;
     EXPECT_EQ(read_episodes(folder.path() / "episodes.csv").returns.size(), 2U) << "which can be read";
