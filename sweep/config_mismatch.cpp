@@ -94,7 +94,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
 }
 
 RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
-    auto status = status_of(folder, planned.total_steps, planned.evaluates);
+    auto status = status_of(folder, planned.end);
     if (auto reason = config_mismatch(planned, folder); !reason.empty()) {
         status.state = RunPhase::refused;
         status.message = std::move(reason);

@@ -22,6 +22,7 @@
 #include "sweep/sweep_console.h"
 #include "terminal/console.h"
 #include "terminal/exit_code.h"
+#include "terminal/stop_signals.h"
 #include "train/resume.h"
 
 namespace cale {
@@ -43,40 +44,10 @@ std::atomic<int> stops = 0;  // counted in a signal handler
 std::atomic<int> interrupts = 0;
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
 
-/// While it lives, signals that ask for an end are counted. A SIGHUP that was ignored (nohup) stays so, and
-/// SIGPIPE, of a reader of the output that is gone, is. A SIGINT is not: scripts start all that they leave
-/// in the background that way.
-class CountedSignals {
-  public:
-    CountedSignals() {
-        stops = 0;
-        interrupts = 0;
-        for (std::size_t i = 0; i < std::size(kSignals); ++i) {
-            struct sigaction action = {};
-            action.sa_handler = [](int number) {
-                ++stops;
-                if (number == SIGINT) ++interrupts;
-            };
-            sigaction(kSignals[i], nullptr, &before_[i]);
-            if (kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
-            sigaction(kSignals[i], &action, nullptr);
-        }
-        struct sigaction ignore = {};
-        ignore.sa_handler = SIG_IGN;
-        sigaction(SIGPIPE, &ignore, &pipe_before_);
-    }
-    ~CountedSignals() {
-        for (std::size_t i = 0; i < std::size(kSignals); ++i) sigaction(kSignals[i], &before_[i], nullptr);
-        sigaction(SIGPIPE, &pipe_before_, nullptr);
-    }
-    CountedSignals(const CountedSignals&) = delete;
-    CountedSignals& operator=(const CountedSignals&) = delete;
-
-  private:
-    static constexpr int kSignals[] = {SIGINT, SIGTERM, SIGHUP};
-    struct sigaction before_[3] = {};
-    struct sigaction pipe_before_ = {};
-};
+void count_signal(int number) {
+    ++stops;
+    if (number == SIGINT) ++interrupts;
+}
 
 /// A run, and what became of it so far.
 struct Job {
@@ -110,7 +81,9 @@ class LocalRunner {
     }
 
     int run() {
-        const CountedSignals signals;
+        stops = 0;
+        interrupts = 0;
+        const SignalHandler handler(count_signal);
         for (const auto& job : jobs_) {
             if (job.status.state == RunPhase::refused) say("REFUSED", job, job.status.message);
         }
@@ -154,7 +127,7 @@ class LocalRunner {
         if (!claim) {
             if (!std::exchange(job.waits, true))
                 say("waits", job, "another process is training in its folder");
-            job.status = status_of(job.folder, planned.total_steps, planned.evaluates);
+            job.status = status_of(job.folder, planned.end);
             queue_.push_back(&job);
             return;
         }
@@ -164,9 +137,9 @@ class LocalRunner {
             job.status.message = reason;
             return say("REFUSED", job, reason);
         }
-        if (is_finished(job.folder, planned.total_steps, planned.evaluates)) {
+        if (is_finished(job.folder, planned.end)) {
             job.status.state = RunPhase::finished;
-            job.status.step = newest_checkpoint(job.folder).value_or(planned.total_steps);
+            job.status.step = newest_checkpoint(job.folder).value_or(planned.end.total_steps);
             return say(end_of(planned), job, "by another process");
         }
         const auto checkpoint = newest_checkpoint(job.folder);
@@ -204,7 +177,7 @@ class LocalRunner {
     }
 
     void record_end(Job& job, const ChildEnd& end) {
-        job.status = status_of(job.folder, job.planned->total_steps, job.planned->evaluates);
+        job.status = status_of(job.folder, job.planned->end);
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();
@@ -270,8 +243,7 @@ class LocalRunner {
             result.push_back({.name = job.planned->run.name,
                               .state = std::string(name_of(job.status.state)),
                               .status = job.status,
-                              .total_steps = job.planned->total_steps,
-                              .evaluates = job.planned->evaluates});
+                              .end = job.planned->end});
         }
         return result;
     }
@@ -290,7 +262,7 @@ class LocalRunner {
     void show() {
         if (!console_.due()) return;
         for (Job* job : active_) {
-            job->status = status_of(job->folder, job->planned->total_steps, job->planned->evaluates);
+            job->status = status_of(job->folder, job->planned->end);
             job->status.state = RunPhase::running;
         }
         console_.show(rows());

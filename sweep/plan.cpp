@@ -241,9 +241,8 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
             const auto* text = planned_value(next, key);
             return text != nullptr ? integer_in(*text) : 0;
         };
-        next.total_steps = integer("train.total_steps");
-        next.evaluates = integer("eval.episodes") > 0;
-        const auto stored = std::min(integer("agent.replay_capacity"), next.total_steps);
+        next.end = {.total_steps = integer("train.total_steps"), .evaluates = integer("eval.episodes") > 0};
+        const auto stored = std::min(integer("agent.replay_capacity"), next.end.total_steps);
         const auto* seen = planned_value(next, "env.obs");
         const auto frame = seen != nullptr && *seen == "ram" ? kRamSize : kFrameSize;
         next.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "settings/setting_texts.h"
+#include "sweep/run_folder.h"
 #include "sweep/sweep_file.h"
 
 namespace cale {
@@ -18,9 +19,8 @@ namespace cale {
 struct PlannedRun {
     SweepRun run;
     std::filesystem::path program;  // .../bin/train_sac
-    std::int64_t total_steps = 0;   // agent steps
-    bool evaluates = true;          // whether the run ends with an evaluation
-    std::int64_t until = 0;         // agent step at which it pauses; 0: none
+    RunEnd end{};
+    std::int64_t until = 0;   // agent step at which it pauses; 0: none
     std::int64_t memory = 0;  // bytes that it will take, estimated: the replay once it is full, and the rest
     // All settings as its program prints them, which runs share that differ in game and seed alone;
     // run.settings go before.

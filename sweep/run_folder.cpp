@@ -80,13 +80,13 @@ std::span<const std::string_view> names_of(RunPhase) {
     return names;
 }
 
-bool is_finished(const fs::path& folder, std::int64_t total_steps, bool evaluates) {
+bool is_finished(const fs::path& folder, const RunEnd& end) {
     const auto checkpoint = newest_checkpoint(folder);
-    return checkpoint && *checkpoint >= total_steps &&
-           (!evaluates || newest_step(folder / "eval", ".csv").value_or(0) >= total_steps);
+    return checkpoint && *checkpoint >= end.total_steps &&
+           (!end.evaluates || newest_step(folder / "eval", ".csv").value_or(0) >= end.total_steps);
 }
 
-RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evaluates) {
+RunStatus status_of(const fs::path& folder, const RunEnd& end) {
     RunStatus status;
     std::error_code ignored;
     read_newest_report(folder / "progress.csv", status);
@@ -94,7 +94,7 @@ RunStatus status_of(const fs::path& folder, std::int64_t total_steps, bool evalu
     status.step = std::max(status.step, checkpoint.value_or(0));
     if (RunClaim::is_taken(folder)) {
         status.state = RunPhase::running;
-    } else if (is_finished(folder, total_steps, evaluates)) {
+    } else if (is_finished(folder, end)) {
         status.state = RunPhase::finished;
     } else if (fs::exists(folder / kFailure, ignored)) {
         status.state = RunPhase::failed;

@@ -16,6 +16,12 @@ namespace cale {
 enum class RunPhase { waiting, interrupted, running, finished, failed, refused };
 std::span<const std::string_view> names_of(RunPhase);
 
+/// Where a run ends.
+struct RunEnd {
+    std::int64_t total_steps = 0;  // agent steps
+    bool evaluates = true;         // whether an evaluation follows them
+};
+
 struct RunStatus {
     RunPhase state = RunPhase::waiting;
     std::int64_t step = 0;                // agent steps, as its newest report or checkpoint says
@@ -24,12 +30,12 @@ struct RunStatus {
     std::string message{};                // why it failed or is refused
 };
 
-/// Returns whether the run is finished: its newest checkpoint has `total_steps` and, where it `evaluates`,
-/// the evaluation at its end is written.
-bool is_finished(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
+/// Returns whether the run is finished: its newest checkpoint has all steps and, where it evaluates, that
+/// evaluation is written.
+bool is_finished(const std::filesystem::path& folder, const RunEnd& end);
 
 /// The status of the run in `folder`, which need not exist, whatever its settings.
-RunStatus status_of(const std::filesystem::path& folder, std::int64_t total_steps, bool evaluates);
+RunStatus status_of(const std::filesystem::path& folder, const RunEnd& end);
 
 /// Returns the name of something in the folder that no run has before its first checkpoint, or empty: a user
 /// put it there, or it is a result.

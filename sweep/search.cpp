@@ -33,7 +33,7 @@ const std::vector<Setting>& settings_of(const Search& search, std::int64_t sampl
 }
 
 std::int64_t length_of(const Search& search) {
-    return search.runs.front().total_steps;
+    return search.runs.front().end.total_steps;
 }
 
 bool is_set(const PlannedRun& planned, std::string_view key, std::string_view value) {
@@ -45,9 +45,9 @@ bool is_set(const PlannedRun& planned, std::string_view key, std::string_view va
 std::vector<PlannedRun> paused_at(std::span<const PlannedRun> runs, std::int64_t steps) {
     std::vector<PlannedRun> paused(runs.begin(), runs.end());
     for (auto& planned : paused) {
-        if (steps >= planned.total_steps) continue;
-        planned.until = planned.total_steps = steps;
-        planned.evaluates = false;
+        if (steps >= planned.end.total_steps) continue;
+        planned.end = {.total_steps = steps, .evaluates = false};
+        planned.until = steps;
     }
     return paused;
 }
@@ -214,11 +214,11 @@ void rank(std::vector<SampleScore>& samples) {
 
 void check_search(const Search& search) {
     for (const auto& planned : search.runs) {
-        if (planned.total_steps != length_of(search))
+        if (planned.end.total_steps != length_of(search))
             throw ConfigError(
                 fmt::format("{}: a search compares runs of the same length, and train.total_steps is {} and "
                             "{}: set it below 'set:'",
-                            search.sweep.name, length_of(search), planned.total_steps));
+                            search.sweep.name, length_of(search), planned.end.total_steps));
         if (search.method != SearchMethod::halving) continue;
         for (const auto& [key, value] :
              {std::pair("train.save_replay", "false"), {"train.realtime", "true"}}) {
@@ -242,7 +242,7 @@ std::vector<PlannedRun> next_runs(const Search& search) {
     for (const auto steps : rungs(search.method, *search.sweep.search, length_of(search))) {
         auto runs = paused_at(left, steps);
         if (!std::ranges::all_of(runs, [&](const PlannedRun& planned) {
-                return is_finished(search.folder / planned.run.name, planned.total_steps, planned.evaluates);
+                return is_finished(search.folder / planned.run.name, planned.end);
             }))
             return runs;
         keep_better(left, compare_rung(search, runs, steps));

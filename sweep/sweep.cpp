@@ -109,8 +109,7 @@ int show_status(const std::vector<PlannedRun>& runs, const fs::path& folder, std
         RunRow row{.name = planned.run.name,
                    .state = {},
                    .status = status_of(planned, folder / planned.run.name),
-                   .total_steps = planned.total_steps,
-                   .evaluates = planned.evaluates};
+                   .end = planned.end};
         row.state = name_of(row.status.state);
         const auto in_queue = queued.find(row.name);
         const bool refused = row.status.state == RunPhase::refused;
@@ -135,7 +134,7 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
         if (const auto refused = refused_lines({&planned, 1}, folder); !refused.empty()) {
             fmt::print(out, "{}", refused);
             exit_code = kFailed;
-        } else if (is_finished(place.folder, planned.total_steps, planned.evaluates)) {
+        } else if (is_finished(place.folder, planned.end)) {
             fmt::print(out, "# finished: {}\n", planned.run.name);
         } else {
             const bool resume = newest_checkpoint(place.folder).has_value();
@@ -193,7 +192,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 bool makes_no_update(const PlannedRun& planned) {
     const auto* const first = planned_value(planned, "agent.min_replay");
     return first != nullptr && ends_before_first_update(static_cast<double>(integer_in(*first)),
-                                                        static_cast<double>(planned.total_steps));
+                                                        static_cast<double>(planned.end.total_steps));
 }
 
 // ---- searches -----------------------------------------------------------------------

@@ -43,11 +43,11 @@ std::string shortened(const std::string& text, std::size_t width) {
 
 /// Whether it still makes steps.
 bool trains(const RunRow& row) {
-    return row.status.state == RunPhase::running && row.status.step < row.total_steps;
+    return row.status.state == RunPhase::running && row.status.step < row.end.total_steps;
 }
 
 double seconds_left(const RunRow& row) {
-    const auto left = static_cast<double>(row.total_steps - row.status.step);
+    const auto left = static_cast<double>(row.end.total_steps - row.status.step);
     return row.status.steps_per_second > 0 ? left / row.status.steps_per_second
                                            : std::numeric_limits<double>::infinity();
 }
@@ -62,7 +62,7 @@ std::string summary(std::span<const RunRow> rows) {
         if (trains(row)) speed += row.status.steps_per_second;
         if (row.status.state != RunPhase::finished && row.status.state != RunPhase::failed &&
             row.status.state != RunPhase::refused)
-            steps_left += static_cast<double>(row.total_steps - row.status.step);
+            steps_left += static_cast<double>(row.end.total_steps - row.status.step);
     }
     auto text = counted(rows.size(), "run") + ":";
     const char* comma = "";
@@ -95,9 +95,9 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
     add("run", "state", "step", "steps/s", "return", "ETA");
     for (const auto& row : rows) {
         const bool running = row.status.state == RunPhase::running;
-        const bool evaluates = running && !trains(row) && row.evaluates;
+        const bool evaluates = running && !trains(row) && row.end.evaluates;
         add(row.name, evaluates ? "evaluating" : row.state,
-            fmt::format("{}/{}", row.status.step, row.total_steps),
+            fmt::format("{}/{}", row.status.step, row.end.total_steps),
             trains(row) && row.status.steps_per_second > 0
                 ? fmt::format("{:.1f}", row.status.steps_per_second)
                 : "-",

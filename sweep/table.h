@@ -15,8 +15,7 @@ struct RunRow {
     std::string name;
     std::string state;  // name_of(RunPhase), or what a batch system says
     RunStatus status;
-    std::int64_t total_steps = 0;
-    bool evaluates = true;  // whether the run ends with an evaluation
+    RunEnd end{};
 };
 
 /// "24 runs: 12 finished, 2 running, 10 waiting  |  210 steps/s, ETA 12:34". The ETA counts the steps that

@@ -7,20 +7,29 @@
 
 namespace cale {
 
+/// While it exists, SIGINT, SIGTERM and SIGHUP call `handler`. A SIGHUP that was ignored before, as under
+/// nohup, stays so; a SIGINT does not, as scripts start all that they leave in the background with it
+/// ignored. SIGPIPE, of a reader of the output that is gone, is ignored. Only one may exist at a time.
+class SignalHandler {
+  public:
+    explicit SignalHandler(void (*handler)(int signal));
+    ~SignalHandler();
+    SignalHandler(const SignalHandler&) = delete;
+    SignalHandler& operator=(const SignalHandler&) = delete;
+
+  private:
+    std::array<struct sigaction, 3> before_ = {};
+    struct sigaction pipe_before_ = {};
+};
+
 /// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next SIGINT or
-/// SIGTERM kills the process, while another SIGHUP is ignored. So is the first one where it was before, as
-/// under nohup, and SIGPIPE, of a reader of the output that is gone. Only one may exist at a time.
+/// SIGTERM kills the process, while another SIGHUP is ignored.
 class StopSignals {
   public:
     StopSignals();
-    ~StopSignals();
-    StopSignals(const StopSignals&) = delete;
-    StopSignals& operator=(const StopSignals&) = delete;
 
   private:
-    static constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP};
-    std::array<struct sigaction, kSignals.size()> before_ = {};
-    struct sigaction pipe_before_ = {};
+    SignalHandler handler_;
 };
 
 /// Since the newest StopSignals began.

@@ -94,8 +94,7 @@ std::vector<cale::PlannedRun> FakeProgram::runs(const std::vector<std::string>& 
                                 .game = "Pong",
                                 .settings = {{"agent.mode", modes[i]}}},
                         .program = path() / "train_fake",
-                        .total_steps = 100,
-                        .evaluates = false,
+                        .end = {.total_steps = 100, .evaluates = false},
                         .memory = 1});
     }
     return runs;

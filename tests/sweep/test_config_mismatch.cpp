@@ -25,8 +25,8 @@ class Refusal : public testing::Test {
                                                                     {"eval.episodes", "10"},
                                                                     {"log.every", "1000"},
                                                                     {"train.total_steps", "100"}});
-        planned_.total_steps = 100;
-        planned_.evaluates = false;
+        planned_.end.total_steps = 100;
+        planned_.end.evaluates = false;
     }
     void trained(const std::string& config, const std::string& step = "000000100") {
         folder_.write("run/config.yaml", config);

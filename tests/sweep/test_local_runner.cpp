@@ -48,7 +48,9 @@ class LocalSweep : public testing::Test {
         ::waitpid(process, &status, 0);
         return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
     }
-    RunPhase state(const std::string& run) { return status_of(fake_.sweep() / run, 100, false).state; }
+    RunPhase state(const std::string& run) {
+        return status_of(fake_.sweep() / run, {.total_steps = 100, .evaluates = false}).state;
+    }
     bool says(const std::string& run, const std::string& words) {
         return fake_.output(run).find(words) != std::string::npos;
     }
@@ -98,7 +100,8 @@ TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
     EXPECT_TRUE(says("fail_once_1", "it broke\nresumed\n"));
     EXPECT_EQ(fake_.output("unresumable_2"), "started with output.log \nanother configuration\n")
         << "another try would end likewise";
-    EXPECT_EQ(status_of(fake_.sweep() / "fail_0", 100, false).message, "exit code 1: it breaks always");
+    EXPECT_EQ(status_of(fake_.sweep() / "fail_0", {.total_steps = 100, .evaluates = false}).message,
+              "exit code 1: it breaks always");
     EXPECT_THAT(said(), HasSubstr("FAILED     fail_0  exit code 1: it breaks always\n"));
     EXPECT_THAT(said(), HasSubstr("4 runs: 2 finished, 2 failed\n"));
 }

@@ -40,9 +40,9 @@ TEST_F(SweepPlan, TheProgramResolvesEveryRun) {
     const auto runs = plan_of(", train.total_steps: [100, 2000000]");
     ASSERT_EQ(runs.size(), 2u);
     EXPECT_EQ(runs[0].program, fake_.path() / "train_fake");
-    EXPECT_EQ(runs[0].total_steps, 100);
-    EXPECT_EQ(runs[1].total_steps, 2'000'000);
-    EXPECT_FALSE(runs[0].evaluates);
+    EXPECT_EQ(runs[0].end.total_steps, 100);
+    EXPECT_EQ(runs[1].end.total_steps, 2'000'000);
+    EXPECT_FALSE(runs[0].end.evaluates);
     EXPECT_LT(runs[0].memory, 2e9) << "a short run never fills its replay";
     EXPECT_GT(runs[1].memory, 7e9) << "a million frames";
     EXPECT_LT(plan_of(", train.total_steps: 2000000", "fake", {"env.obs=ram"})[0].memory, 2e9)
@@ -67,10 +67,10 @@ TEST_F(SweepPlan, KnowsEverySettingOfARunWhateverTheOthersHave) {
     EXPECT_EQ(text_of(runs[0], "agent.loss"), "mse");
     EXPECT_EQ(text_of(runs[1], "agent.loss"), "huber");
     EXPECT_EQ(text_of(runs[1], "log.every"), "5");
-    EXPECT_EQ(runs[1].total_steps, 100);
+    EXPECT_EQ(runs[1].end.total_steps, 100);
     EXPECT_EQ(text_of(runs[2], "agent.loss"), "huber") << "as the program has it";
     EXPECT_EQ(text_of(runs[2], "log.every"), "10");
-    EXPECT_EQ(runs[2].total_steps, 2'000'000);
+    EXPECT_EQ(runs[2].end.total_steps, 2'000'000);
     EXPECT_EQ(text_of(runs[2], "agent.lost"), "no such setting");
 }
 

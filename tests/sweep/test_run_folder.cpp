@@ -22,7 +22,9 @@ namespace fs = std::filesystem;
 
 class RunFolder : public testing::Test {
   protected:
-    RunStatus status(bool evaluates = true) { return status_of(folder_.path() / "run", 100, evaluates); }
+    RunStatus status(bool evaluates = true) {
+        return status_of(folder_.path() / "run", {.total_steps = 100, .evaluates = evaluates});
+    }
     RunPhase state(bool evaluates = true) { return status(evaluates).state; }
     void checkpoint(const std::string& step) {
         fs::create_directories(folder_ / ("run/checkpoints/step_" + step));

@@ -176,7 +176,7 @@ class HalvingSearch : public testing::Test {
                                    .settings = sweep_.samples[static_cast<std::size_t>(sample) - 1],
                                    .sample = sample,
                                    .combination = game + "__fake__1"};
-                runs_.push_back({.run = run, .program = {}, .total_steps = 400});
+                runs_.push_back({.run = run, .program = {}, .end = {.total_steps = 400}});
             }
         }
     }
@@ -199,7 +199,8 @@ class HalvingSearch : public testing::Test {
         std::set<std::int64_t> samples;
         const auto runs = next_runs(what());
         for (const auto& planned : runs) samples.insert(planned.run.sample);
-        return runs.empty() ? "" : fmt::format("{}: {}", runs.front().total_steps, fmt::join(samples, " "));
+        return runs.empty() ? ""
+                            : fmt::format("{}: {}", runs.front().end.total_steps, fmt::join(samples, " "));
     }
 
     int train(std::span<const PlannedRun> runs) {
@@ -208,21 +209,21 @@ class HalvingSearch : public testing::Test {
         for (const auto& planned : runs) {
             const auto name = planned.run.name;
             samples.insert(planned.run.sample);
-            EXPECT_EQ(planned.until, planned.total_steps < 400 ? planned.total_steps : 0);
-            EXPECT_EQ(planned.evaluates, planned.total_steps == 400);
+            EXPECT_EQ(planned.until, planned.end.total_steps < 400 ? planned.end.total_steps : 0);
+            EXPECT_EQ(planned.end.evaluates, planned.end.total_steps == 400);
             if (planned.run.sample == fails_) continue;
             std::string episodes = "#{}\nr,global_step\n";
-            for (int step = 25; step <= planned.total_steps; step += 25)
+            for (int step = 25; step <= planned.end.total_steps; step += 25)
                 episodes +=
                     fmt::format("{},{}\n", equal_ ? 1 : planned.run.sample * (step > 100 ? 10 : -10), step);
             folder_.write(name + "/episodes.csv", ends_no_game_ ? "#{}\nr,global_step\n" : episodes);
             fs::create_directories(folder_ / name /
-                                   fmt::format("checkpoints/step_{:09}", planned.total_steps));
-            if (planned.evaluates)
-                folder_.write(name + fmt::format("/eval/step_{:09}.csv", planned.total_steps), "");
+                                   fmt::format("checkpoints/step_{:09}", planned.end.total_steps));
+            if (planned.end.evaluates)
+                folder_.write(name + fmt::format("/eval/step_{:09}.csv", planned.end.total_steps), "");
             folder_.write(name + "/config.yaml", "");
         }
-        trained_.push_back(fmt::format("{}: {}", runs.front().total_steps, fmt::join(samples, " ")));
+        trained_.push_back(fmt::format("{}: {}", runs.front().end.total_steps, fmt::join(samples, " ")));
         return fails_ > 0 ? 1 : 0;
     }
 
@@ -341,7 +342,7 @@ TEST_F(HalvingSearch, NothingIsTrainedWhereARunHasOtherSettings) {
 }
 
 TEST_F(HalvingSearch, RunsOfDifferentLengthsAreNotCompared) {
-    runs_.back().total_steps = 500;
+    runs_.back().end.total_steps = 500;
     EXPECT_THAT(test::error_of<ConfigError>([&] { search(); }),
                 HasSubstr("a search compares runs of the same length, and train.total_steps is 400 and 500"));
 }

@@ -270,7 +270,7 @@ TEST_P(ShippedSweepEmulator, IsAcceptedByItsProgramsAndHasAsManyRunsAsItSays) {
     auto text = read_file(GetParam());
     std::erase(text, ',');
     EXPECT_THAT(text, HasSubstr(fmt::format("{} runs", runs.size())));
-    for (const auto& run : runs) EXPECT_TRUE(run.evaluates) << run.run.name;
+    for (const auto& run : runs) EXPECT_TRUE(run.end.evaluates) << run.run.name;
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ShippedSweepEmulator, testing::ValuesIn(shipped_sweeps()),

@@ -16,7 +16,10 @@ namespace cale {
 namespace {
 
 RunRow row(const std::string& name, const RunStatus& status) {
-    return {.name = name, .state = std::string(name_of(status.state)), .status = status, .total_steps = 1000};
+    return {.name = name,
+            .state = std::string(name_of(status.state)),
+            .status = status,
+            .end = {.total_steps = 1000}};
 }
 
 std::vector<RunRow> some_rows() {
@@ -59,7 +62,7 @@ TEST(SweepTable, SaysThatARunPlaysItsLastEvaluation) {
     EXPECT_THAT(table(rows, 200),
                 testing::HasSubstr("evaluating           1000/1000         -          -         -"));
     EXPECT_EQ(summary(rows), "1 run: 1 running") << "it makes no more steps";
-    rows[0].evaluates = false;
+    rows[0].end.evaluates = false;
     EXPECT_THAT(table(rows, 200),
                 testing::HasSubstr("running              1000/1000         -          -         -"));
 }
@@ -82,7 +85,7 @@ TEST(SweepTable, IsNoWiderThanTheTerminal) {
     auto rows = some_rows();
     rows[0].name = "SpaceInvaders__sac__encoder=phi_sac__exploration=epsilon_greedy__12345";
     rows[4].status.message = std::string(500, 'x');
-    rows[1].total_steps = 10'000'000'000;
+    rows[1].end.total_steps = 10'000'000'000;
     for (const std::size_t width : {100, 80, 60, 8, 2}) {
         std::istringstream lines(table(rows, width));
         for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), width) << line;
