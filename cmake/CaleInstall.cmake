@@ -16,6 +16,9 @@ foreach(component policy_lite env policy train)
     install(TARGETS ${libraries} EXPORT cale_${component}_targets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component} NAMELINK_COMPONENT ${component}
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component})
+    if(TARGET programs)
+        add_dependencies(programs ${libraries})  # so that what README builds can be installed
+    endif()
     install(EXPORT cale_${component}_targets NAMESPACE cale:: DESTINATION ${package_dir} COMPONENT ${component})
     get_property(headers GLOBAL PROPERTY CALE_HEADERS_${component})
     foreach(header ${headers})

@@ -35,8 +35,8 @@ class Policy:
 
     def act(self, observations: Any, choice: str = "greedy") -> np.ndarray:
         """Returns an action for each of N observations, or the action for one: as an environment with
-        `settings` takes them. Those of the continuous joystick are (r, theta, fire), whatever coordinates the
-        network chooses; those of an absolute paddle (position, fire).
+        `settings` takes them. Where the network chooses coordinates they are (r, theta, fire), whatever these are,
+        or (position, fire) of an absolute paddle; of a factored policy its three choices; else numbers of actions.
 
         choice: "greedy", "sampled" (drawn from the policy), or "as_evaluated", as its training's evaluations did.
         """
