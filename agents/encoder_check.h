@@ -6,8 +6,8 @@
 
 namespace cale {
 
-/// Throws std::invalid_argument, in one sentence, where the agent has an encoder that cannot read what the
-/// world shows.
+/// Throws std::invalid_argument, in one sentence, where the agent has an encoder that convolves and the world
+/// shows no images. Whether an image is large enough is known when the network is made.
 template <class AgentConfig>
 void check_encoder(const AgentConfig& agent, const AgentSpec& spec) {
     EncoderConfig encoder{.observation = spec.observation.tensor_shape()};

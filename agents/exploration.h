@@ -17,12 +17,12 @@ enum class Exploration { standard, epsilon_greedy };
 std::span<const std::string_view> names_of(Exploration);
 
 /// Where random actions come from: the whole box, or the world's landmarks in it (Box::landmarks), which of a
-/// joystick are its 18 events.
+/// joystick are its 18 events, of a paddle 6.
 enum class RandomActions { box, events };
 std::span<const std::string_view> names_of(RandomActions);
 
 /// Returns the box of a space, float32 on the CPU, for random actions as `choice` says. Throws
-/// std::invalid_argument for a box without landmarks.
+/// std::invalid_argument where that is `events` and the box has no landmarks.
 ActionBox exploration_box(const ActionSpace& space, RandomActions choice);
 
 /// The epsilons of an agent. The defaults are those of 200 million frames.

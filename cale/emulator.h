@@ -70,7 +70,7 @@ class Emulator {
     std::string state() const;
     /// Restores what state() returned; reset() must be called next. Includes what ALE 0.12.1 omits from its
     /// own state: whether the last frame was cut short, and the previous action, which would stick. Throws
-    /// std::runtime_error, and leaves the emulator unusable, for invalid bytes.
+    /// std::runtime_error for invalid bytes, after which the console must be reset.
     void restore(const std::string& state);
 
     bool game_over() const;  // until reset()

@@ -147,7 +147,7 @@ ObservationSpace observation_space(const EnvConfig& config);
 
 /// The ROM of `game` in `rom_dir`; if that is empty, in the folder named by ALE_ROMS_DIR, else in the `roms`
 /// folder of scripts/setup. Throws std::runtime_error that names the file, every folder searched and the
-/// remedy.
+/// remedy, and std::invalid_argument for an unknown game.
 std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir);
 /// Returns the ROMs of the games of env.game, in their order. Throws as games_of() and find_rom() do.
 std::vector<std::filesystem::path> find_roms(const EnvConfig& config);
@@ -169,7 +169,8 @@ struct GameRecord {
 /// apart); reset() does.
 class Env {
   public:
-    /// `seed` drives the sticky actions (as ALE's `random_seed` would) and the no-op starts.
+    /// `seed` drives the sticky actions (as ALE's `random_seed` would), the no-op starts, and what is random
+    /// about a stick that moves.
     /// Throws std::invalid_argument for an unknown game or an impossible setting, such as an absolute paddle
     /// in a game without one, and std::runtime_error for a ROM file that is missing or not the game's.
     Env(const EnvConfig& config, std::uint32_t seed);

@@ -35,7 +35,8 @@ class FramePipeline {
     /// Throws std::invalid_argument if index 0 is not black or there are fewer rows than in a frame.
     FramePipeline(int screen_height, const std::array<std::uint8_t, 256>& gray);
 
-    /// Must be called with the first screen of a game, which is pooled with black.
+    /// Must be called with the first screen of a game, which is pooled with black. Throws, as the functions
+    /// below do, std::invalid_argument for another size.
     void start(std::span<const std::uint8_t> screen);
     /// The last screen but one of a step, and the last.
     void set_first(std::span<const std::uint8_t> screen) { set(0, screen); }
@@ -78,13 +79,14 @@ class FramePipeline {
 /// All zero until frames are pushed, as at the start of every episode.
 class FrameStack {
   public:
-    /// For `num_envs` environments, `depth` frames of `frame_size` bytes each.
+    /// For `num_envs` environments, `depth` frames of `frame_size` bytes each. Throws std::invalid_argument
+    /// for a 0.
     FrameStack(std::size_t num_envs, std::size_t depth, std::size_t frame_size = kFrameSize);
 
     /// Drops the oldest frame of an environment and appends `frame`.
     /// Throws std::invalid_argument for a frame of another size, std::out_of_range for `env`.
     void push(std::size_t env, std::span<const std::uint8_t> frame);
-    /// Sets the environment's stack to zero. Must be called when an episode begins.
+    /// Sets the environment's stack to zero. Must be called when an episode begins. Throws std::out_of_range.
     void clear(std::size_t env);
     /// Appends what the environment shows after a step: the first frame of a new episode if the step ended
     /// one. Throws as push() does.

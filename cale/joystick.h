@@ -34,8 +34,8 @@ struct StickCoordinate {
 /// Returns the coordinates of a parametrisation; none for `factored`.
 std::span<const StickCoordinate> stick_coordinates(Joystick joystick);
 
-/// Returns the coordinates as a box, whose landmarks are the 18 actions of `factored`; of `factored` its 18
-/// actions.
+/// Returns the coordinates as a box, whose landmarks are the 18 actions of `factored` (of a paddle the 6 on
+/// its axis); of `factored` its 18 actions.
 ActionSpace joystick_space(Joystick joystick);
 
 /// Returns the joystick for an action in the coordinates of `joystick`. A cartesian position beyond the gate

@@ -27,8 +27,8 @@ FrameClock console_clock();
 /// to those of the one that it returns. A lost life that counts, or a game's end, is never passed over; the
 /// next game begins without a pause, at rest.
 ///
-/// Nothing can be repeated: record() is empty, and after resume() the first step() cuts the game off that the
-/// caller saw, and a new one begins.
+/// Nothing can be repeated: record() is empty, and after reset() and resume() the first step() cuts the game
+/// off that the caller saw, and a new one begins.
 class RealTimeGame final : public World {
   public:
     /// Called on the console's thread after every frame_skip frames, with the game as it is then, for
@@ -47,7 +47,7 @@ class RealTimeGame final : public World {
     /// Must be called once.
     void reset(std::span<std::uint8_t> frames) override;
     /// Throws std::logic_error before reset(), std::invalid_argument or std::out_of_range for an impossible
-    /// action, and what the console's thread threw.
+    /// action, what the console's thread threw, and std::runtime_error where the clock stopped the console.
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override;
     void announce(const Actions& actions) override;

@@ -67,7 +67,8 @@ class VectorEnv final : public World {
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override;
 
-    /// Env::record() of each as bytes: start, events, strengths. Not while a step is under way.
+    /// Env::record() of each as bytes: start, events, strengths, and the commands of a joystick that moves or
+    /// places a paddle. Not while a step is under way.
     std::vector<EpisodeRecord> record() const override;
     /// Env::resume() of each. Throws as it does, and std::invalid_argument for another number of records.
     void resume(std::span<const EpisodeRecord> records) override;

@@ -105,7 +105,8 @@ float reward_quantile(const std::map<float, std::int64_t>& rewards, double quant
 
 /// Three tables: X.csv with a row per game (episode,return,length,frames and, where several are played in
 /// turn, game), X_events.csv with a row for each of the 18 joystick events (event,count), and X_rewards.csv
-/// with the rewards of the agent steps at 101 quantiles (quantile,reward).
+/// with the rewards of the agent steps at 101 quantiles (quantile,reward). Makes the folder. Throws
+/// std::invalid_argument for an evaluation without games, and std::runtime_error where it cannot write.
 void write_evaluation(const std::filesystem::path& csv, const Evaluation& evaluation);
 
 /// Statistics of a set of returns.

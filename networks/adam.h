@@ -25,10 +25,12 @@ struct AdamConfig {
 /// p -= learning_rate * m / (1 - beta1^t) / (sqrt(v / (1 - beta2^t)) + epsilon).
 class Adam {
   public:
-    /// The parameters must be floating-point leaves of one device and type.
+    /// The parameters must be floating-point leaves of one device and type. Throws std::invalid_argument for
+    /// none.
     Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
 
-    /// Allows a step() without these parameters; their steps are then counted separately.
+    /// Allows a step() without these parameters; their steps are then counted separately. Must be called once
+    /// at most.
     void delay(const std::vector<torch::Tensor>& parameters);
 
     /// One step along the parameters' gradients, which must all be there; without the delayed parameters,
@@ -55,7 +57,7 @@ class Adam {
 };
 
 /// target += tau * (online - target), in place: Polyak averaging. Throws std::invalid_argument
-/// where the lists do not match.
+/// where the lists differ in length; tensors at the same place must have the same shape.
 void soft_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online,
                  double tau);
 

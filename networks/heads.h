@@ -83,7 +83,8 @@ struct ActionBox {
 /// CALE's joystick (r, theta, fire) in [0, 1] x [-pi, pi] x [0, 1], float32 on the CPU.
 ActionBox joystick_box();
 
-/// Returns the box of a space, float32 on the CPU: the joystick's for a discrete space, which has none.
+/// Returns the box of a space, float32 on the CPU, without landmarks: the joystick's for a discrete space,
+/// which has none. Throws std::invalid_argument for limits that are not finite or not in order.
 ActionBox action_box(const ActionSpace& space);
 
 /// The action centre + half_width * tanh(u), where u is normal with this mean and

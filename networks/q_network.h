@@ -54,7 +54,7 @@ torch::Tensor factor_matrix(const std::vector<std::int64_t>& factors);
 /// `adv` has an output for every choice instead of every action.
 class QHeadImpl : public torch::nn::Module {
   public:
-    /// Throws std::invalid_argument for fewer than one action, unit or atom.
+    /// Throws std::invalid_argument for fewer than one action, unit or atom, or factors of another product.
     QHeadImpl(std::int64_t in, const QHeadConfig& config, at::Generator generator);
 
     /// [B, in] -> [B, A, atoms]. Layers that are not noisy ignore the noise; noisy ones are their means

@@ -27,7 +27,7 @@ class Replay {
     /// interleaved in any order. A transition whose frames were overwritten before it was complete is not
     /// stored; this happens only if an environment pauses while others fill the buffer. Throws
     /// std::out_of_range for the environment, std::invalid_argument for a size that does not fit, or a
-    /// missing final_frame.
+    /// missing final_frame (see Experience).
     virtual void add(std::int64_t env, const Experience& experience) = 0;
 
     /// Returns how many transitions can be sampled: at most `capacity`, and fewer where frames of the

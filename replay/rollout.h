@@ -33,11 +33,12 @@ class Rollout {
     explicit Rollout(const RolloutConfig& config);
     virtual ~Rollout() = default;
 
-    /// Stores the observations that the next actions are chosen on: [N, stack, ...] uint8.
+    /// Stores the observations that the next actions are chosen on: [N, stack, ...] uint8. Throws
+    /// std::invalid_argument for another shape, and std::logic_error where the rollout is full.
     void set_observations(const torch::Tensor& observations);
 
-    /// Stores the step that followed. Throws std::invalid_argument for other counts, and std::logic_error
-    /// where the rollout is full.
+    /// Stores the step that followed. Throws std::invalid_argument for other counts, a reward that is not
+    /// finite or a final frame that is missing, and std::logic_error where the rollout is full.
     void add(const torch::Tensor& actions, std::span<const StepResult> results,
              std::span<const std::uint8_t> final_frames);
 

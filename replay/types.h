@@ -33,13 +33,14 @@ struct ReplayConfig {
 /// One agent step of one environment: `reward` followed `action`, which was chosen on
 /// the stack that ends with `frame`.
 struct Experience {
-    std::span<const std::uint8_t> frame = {};        // of ObservationSpace::frame_size() bytes
-    std::span<const float> action = {};              // action_size coordinates (continuous)
-    std::int64_t discrete_action = 0;                // (discrete)
-    float reward = 0;                                // of the step
-    bool terminal = false;                           // nothing follows: no bootstrapping
-    bool truncated = false;                          // cut off: bootstraps
-    std::span<const std::uint8_t> final_frame = {};  // the frame that followed, needed where truncated
+    std::span<const std::uint8_t> frame = {};  // of ObservationSpace::frame_size() bytes
+    std::span<const float> action = {};        // action_size coordinates (continuous)
+    std::int64_t discrete_action = 0;          // (discrete)
+    float reward = 0;                          // of the step
+    bool terminal = false;                     // nothing follows: no bootstrapping
+    bool truncated = false;                    // cut off: bootstraps
+    /// The frame that followed. Needed where truncated and not terminal, unless by ReplayTerminal::dopamine.
+    std::span<const std::uint8_t> final_frame = {};
 };
 
 /// B transitions. `discount` is 0 where the window contains a terminal, gamma^steps otherwise, so that a

@@ -21,14 +21,15 @@ std::string policy_file_of(const std::filesystem::path& path);
 
 /// Writes it atomically to `output`. Returns its description.
 PolicyInfo export_policy(const std::filesystem::path& path, const std::filesystem::path& output);
-/// The same network as an ONNX model: input "observation" [N, stack, 84, 84] uint8; outputs "action", [N,
-/// coordinates] float32 or [N] int64, which is the greedy one, and "output" as Policy::output.
+/// The same network as an ONNX model: input "observation" [N, stack, 84, 84] or [N, stack, bytes] uint8, as
+/// the policy sees; outputs "action", [N, coordinates] float32 or [N] int64, which is the greedy one, and
+/// "output" as Policy::output.
 PolicyInfo export_onnx(const std::filesystem::path& path, const std::filesystem::path& output);
 
 /// Writes the web page of the policy to `folder`, which is made if need be, over files of these names that
 /// are there: the page itself, copied from `page`, which scripts/web builds, and policy.safetensors. Returns
-/// the policy's description. Throws std::runtime_error for a policy that the page cannot play, and where
-/// `page` is not built.
+/// the policy's description. Throws std::runtime_error where `page` is not built, and for a policy that the
+/// page cannot play; std::invalid_argument where that is because of its games.
 PolicyInfo export_web_page(const std::filesystem::path& path, const std::filesystem::path& page,
                            const std::filesystem::path& folder);
 

@@ -42,8 +42,8 @@ enum class Outcome { finished, paused, interrupted };
 ///
 /// Pauses at TrainOptions::until after a checkpoint, as if it had been interrupted there.
 /// SIGINT, SIGTERM and SIGHUP end it early, after a checkpoint (terminal/stop_signals.h). Throws
-/// std::runtime_error if the disk fails or a logged value is not finite (earlier checkpoints are intact), and
-/// ResumeError.
+/// std::runtime_error if the disk fails or a logged value is not finite (earlier checkpoints are intact),
+/// std::invalid_argument for a reward that is not, ResumeError, and what the world throws.
 Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
               const TrainOptions& options);
 

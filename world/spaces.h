@@ -18,7 +18,7 @@ struct Discrete {
     bool operator==(const Discrete&) const = default;
 };
 
-/// Vectors of real numbers: coordinate i lies in [low[i], high[i]].
+/// Vectors of real numbers: coordinate i lies in [low[i], high[i]]. Agents need finite limits, low < high.
 struct Box {
     std::vector<float> low, high;         // of one size
     std::vector<std::string> names = {};  // of the coordinates, for logs; empty: axis_0, axis_1, ...
