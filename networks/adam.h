@@ -25,12 +25,10 @@ struct AdamConfig {
 /// p -= learning_rate * m / (1 - beta1^t) / (sqrt(v / (1 - beta2^t)) + epsilon).
 class Adam {
   public:
-    /// The parameters must be floating-point leaves of one device and type. Throws std::invalid_argument for
-    /// none.
+    /// The parameters are floating-point leaves of one device and type, one or more (std::invalid_argument).
     Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
 
-    /// Allows a step() without these parameters; their steps are then counted separately. Must be called once
-    /// at most.
+    /// Allows a step() without these parameters, whose steps are counted separately. At most once.
     void delay(const std::vector<torch::Tensor>& parameters);
 
     /// One step along the parameters' gradients, which must all be there; without the delayed parameters,
