@@ -7,6 +7,7 @@
 #include <torch/utils.h>
 
 #include "agents/critic.h"
+#include "networks/discrete_actions.h"
 #include "networks/layers.h"
 
 namespace cale {

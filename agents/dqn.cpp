@@ -6,6 +6,8 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "networks/discrete_actions.h"
+
 namespace cale {
 
 std::span<const std::string_view> names_of(ValueLoss) {

@@ -32,11 +32,11 @@ std::span<const std::string_view> names_of(RandomActions) {
 ActionBox exploration_box(const ActionSpace& space, RandomActions choice) {
     auto box = action_box(space);
     if (choice == RandomActions::box) return box;
-    const auto& landmarks = std::get<Box>(space).landmarks;
-    if (landmarks.empty())
+    const auto* const limits = std::get_if<Box>(&space);
+    if (limits == nullptr || limits->landmarks.empty())
         throw std::invalid_argument(
             "agent.random_actions: this world's actions have no events: set it to box");
-    box.landmarks = torch::tensor(at::ArrayRef<float>(landmarks)).view({-1, box_size(space)});
+    box.landmarks = torch::tensor(at::ArrayRef<float>(limits->landmarks)).view({-1, box_size(space)});
     return box;
 }
 

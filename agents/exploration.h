@@ -22,7 +22,7 @@ enum class RandomActions { box, events };
 std::span<const std::string_view> names_of(RandomActions);
 
 /// Returns the box of a space, float32 on the CPU, for random actions as `choice` says. Throws
-/// std::invalid_argument where that is `events` and the box has no landmarks.
+/// std::invalid_argument where that is `events` and the space has no landmarks.
 ActionBox exploration_box(const ActionSpace& space, RandomActions choice);
 
 /// The epsilons of an agent. The defaults are those of 200 million frames.

@@ -17,6 +17,7 @@
 #include "agents/state.h"
 #include "dopamine/repeated_frame.h"
 #include "dopamine/rollout.h"
+#include "networks/discrete_actions.h"
 #include "parallel/process_group.h"
 
 namespace cale {
@@ -407,7 +408,7 @@ std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSp
 
 void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
     const auto require_multiple = [&](std::int64_t of, const std::string& name) {
-        if (settings.rollout_steps % of == 0) return;
+        if (of > 0 && settings.rollout_steps % of == 0) return;
         throw std::invalid_argument("agent.rollout_steps is " + std::to_string(settings.rollout_steps) +
                                     ", which is no multiple of " + name + " = " + std::to_string(of) +
                                     "; change one of the two");

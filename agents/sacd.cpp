@@ -6,6 +6,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "networks/discrete_actions.h"
 #include "networks/layers.h"
 
 namespace cale {

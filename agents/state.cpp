@@ -53,7 +53,7 @@ void restore(const StateParts& parts, const TensorMap& state) {
     for (const auto& [name, tensor] : parts.tensors)
         if (stored(name).sizes() != tensor.sizes() || stored(name).dtype() != tensor.dtype()) refuse(name);
     for (const auto& [name, counter] : parts.counters)
-        if (stored(name).numel() != 1) refuse(name);
+        if (stored(name).numel() != 1 || stored(name).dtype() != torch::kInt64) refuse(name);
     // Everything is read before anything is changed.
     std::vector<std::pair<at::Generator*, at::Generator>> generators;
     std::vector<std::pair<std::mt19937_64*, std::mt19937_64>> engines;

@@ -464,15 +464,18 @@ struct Env::Impl {
             throw std::runtime_error("a recorded game is damaged, or another configuration's");
         };
         std::istringstream text(recorded.start);
-        text >> noop_generator;
+        auto noops = noop_generator, motion = motion_generator;
+        text >> noops;
         require(text.get() == '\n' && recorded.events.size() == recorded.strengths.size());
         require(records_commands() ? recorded.events.empty() : recorded.commands.empty());
         if (draws_motion()) {
-            text >> motion_generator;
+            text >> motion;
             require(text.get() == '\n');
         }
         episode_over = true;
         emulator.restore(recorded.start.substr(static_cast<std::size_t>(text.tellg())));
+        noop_generator = noops;
+        motion_generator = motion;
         reset();
         record.start = recorded.start;
         for (std::size_t i = 0; i < recorded.events.size(); ++i) {

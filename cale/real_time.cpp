@@ -239,6 +239,7 @@ std::vector<EpisodeRecord> RealTimeGame::record() const {
 }
 
 void RealTimeGame::resume(std::span<const EpisodeRecord>) {
+    if (impl_->first_observation.empty()) throw std::logic_error("no game was started: call reset() first");
     // The game that the caller saw last is cut off; its last observation is the caller's.
     const std::lock_guard lock(impl_->mutex);
     impl_->news.push_front({.result = {.truncated = true, .episode_over = true, .frames = 0},

@@ -174,7 +174,11 @@ Chosen checked(Chosen chosen, std::int64_t games, const ActionSpace& space) {
                         c10::toString(actions.scalar_type()), fmt::join(actions.sizes(), " x ")));
     }
     actions = actions.cpu().contiguous();
-    if (values.defined()) values = values.to(torch::kCPU, torch::kFloat32).contiguous();
+    if (!values.defined()) return chosen;
+    if (values.sizes() != torch::IntArrayRef{games})
+        throw std::invalid_argument(
+            fmt::format("{} values were expected, but got: {}", games, fmt::join(values.sizes(), " x ")));
+    values = values.to(torch::kCPU, torch::kFloat32).contiguous();
     return chosen;
 }
 
@@ -371,7 +375,7 @@ void write_evaluation(const std::filesystem::path& csv, const Evaluation& evalua
         const double quantile = percent / 100.0;
         rewards += fmt::format("{},{}\n", quantile, reward_quantile(evaluation.rewards, quantile));
     }
-    std::filesystem::create_directories(csv.parent_path());
+    if (csv.has_parent_path()) std::filesystem::create_directories(csv.parent_path());
     write_file_atomically(beside("events"), event_table(evaluation.events));
     write_file_atomically(beside("rewards"), rewards);
     write_file_atomically(csv, games);

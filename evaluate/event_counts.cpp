@@ -11,12 +11,12 @@ namespace cale {
 void count_events(EventCounts& counts, const StepResult& result) {
     if (result.frames == 0) return;  // nothing was played: a resumed game in real time is cut off
     if (!result.stick_moves) {
-        ++counts[result.event];
+        ++counts.at(result.event);
         return;
     }
     // In real time, a step that took long has more frames than are known.
     const auto known = std::min(static_cast<std::size_t>(result.frames), result.frame_events.size());
-    for (std::size_t frame = 0; frame < known; ++frame) ++counts[result.frame_events[frame]];
+    for (std::size_t frame = 0; frame < known; ++frame) ++counts.at(result.frame_events[frame]);
 }
 
 std::map<std::string, double> zone_shares(const EventCounts& before, const EventCounts& now) {

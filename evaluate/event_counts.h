@@ -15,7 +15,7 @@ namespace cale {
 using EventCounts = std::array<std::int64_t, kEventCount>;
 
 /// Counts the joystick event of an agent step; where the joystick moves within it, that of each frame, as the
-/// console saw it.
+/// console saw it. Throws std::out_of_range for a number that is no event's.
 void count_events(EventCounts& counts, const StepResult& result);
 
 /// Returns the parts of the steps from `before` to `now` in each of the joystick's zones, by the names of

@@ -38,6 +38,7 @@ void Adam::set_learning_rate(double learning_rate) {
 }
 
 void Adam::delay(const std::vector<torch::Tensor>& parameters) {
+    if (delayed_steps_.defined()) throw std::logic_error("Adam::delay was called before");
     delayed_steps_ = torch::zeros_like(steps_);
     for (std::size_t i = 0; i < parameters_.size(); ++i) {
         const auto same = [&](const torch::Tensor& parameter) { return parameter.is_same(parameters_[i]); };

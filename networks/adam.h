@@ -28,7 +28,8 @@ class Adam {
     /// The parameters are floating-point leaves of one device and type, one or more (std::invalid_argument).
     Adam(std::vector<torch::Tensor> parameters, const AdamConfig& config);
 
-    /// Allows a step() without these parameters, whose steps are counted separately. At most once.
+    /// Allows a step() without these parameters, whose steps are counted separately. Throws std::logic_error
+    /// the second time.
     void delay(const std::vector<torch::Tensor>& parameters);
 
     /// One step along the parameters' gradients, which must all be there; without the delayed parameters,

@@ -1,99 +1,17 @@
 #include "networks/encoders.h"
 
-#include <algorithm>
-#include <array>
-#include <stdexcept>
-#include <string>
-
-#include <torch/nn/module.h>
-#include <torch/types.h>
-
 namespace cale {
-namespace {
-
-/// An encoder by its name in a configuration.
-struct Encoder {
-    std::string_view name;
-    Layers (*trunk)(const EncoderConfig& config);
-    Layers (*branch)(const EncoderConfig& config, bool of_critic);
-    Initialiser (*initialiser)();
-};
-
-Layers narrow_branch(const EncoderConfig&, bool of_critic) {
-    return tanh_branch(of_critic ? "critic" : "actor");
-}
-
-Layers wide_branch(const EncoderConfig& config, bool of_critic) {
-    return relu_branch(of_critic ? "critic" : "actor", of_critic || config.layer_norm);
-}
-
-Layers no_branch(const EncoderConfig&, bool) {
-    return {};
-}
-
-/// In the order of EncoderKind.
-constexpr std::array<Encoder, 8> kEncoders{{
-    {"phi_sac", [](const EncoderConfig& config) { return phi_sac(config.padding); }, narrow_branch,
-     [] { return orthogonal(); }},
-    {"phi_dqn",
-     [](const EncoderConfig& config) { return phi_dqn(config.padding, config.phi_dqn == PhiDqn::row1d); },
-     wide_branch, glorot_uniform},
-    {"impala", [](const EncoderConfig&) { return impala(); }, wide_branch, glorot_uniform},
-    {"mlp", [](const EncoderConfig& config) { return mlp(config.layer_norm); }, narrow_branch,
-     glorot_uniform},
-    {"compact", [](const EncoderConfig&) { return compact(); }, narrow_branch, glorot_uniform},
-    {"flat", [](const EncoderConfig&) { return flat(); }, no_branch, glorot_uniform},
-    {"data_efficient", [](const EncoderConfig&) { return data_efficient(); }, narrow_branch, glorot_uniform},
-    {"phi_dqn_2013", [](const EncoderConfig&) { return phi_dqn_2013(); }, narrow_branch, glorot_uniform},
-}};
-
-const Encoder& encoder_of(const EncoderConfig& config) {
-    return kEncoders.at(static_cast<std::size_t>(config.encoder));
-}
-
-Initialiser initialiser_of(const EncoderConfig& config) {
-    return config.initialise ? config.initialise : encoder_of(config).initialiser();
-}
-
-}  // namespace
-
-std::span<const std::string_view> names_of(EncoderKind) {
-    static const auto names = [] {
-        std::array<std::string_view, kEncoders.size()> all;
-        std::ranges::transform(kEncoders, all.begin(), &Encoder::name);
-        return all;
-    }();
-    return names;
-}
-
-std::span<const std::string_view> names_of(PhiDqn) {
-    static constexpr std::string_view names[] = {"conv2d", "row1d"};
-    return names;
-}
-
-Layers trunk_layers(const EncoderConfig& config) {
-    auto layers = encoder_of(config).trunk(config);
-    const bool convolves =
-        std::ranges::any_of(layers, [](const Layer& layer) { return layer.kind == Layer::Kind::conv; });
-    if (convolves && config.observation.size() != 3) {
-        throw std::invalid_argument("agent.encoder " + std::string(encoder_of(config).name) +
-                                    " convolves frames, and an observation is " +
-                                    shape_text(config.observation) +
-                                    " bytes: set agent.encoder to mlp or flat, or env.obs to pixels");
-    }
-    return layers;
-}
 
 Trunk::Trunk(torch::nn::Module& owner, const EncoderConfig& config, const at::Generator& generator)
     : stack_(owner, trunk_layers(config), config.observation, initialiser_of(config), generator),
       precision_(config.precision) {}
 
 TwoBranchEncoderImpl::TwoBranchEncoderImpl(const EncoderConfig& config, const at::Generator& generator)
-    : actor_layers(chain({trunk_layers(config), encoder_of(config).branch(config, /*of_critic=*/false)})),
+    : actor_layers(chain({trunk_layers(config), branch_layers(config, /*of_critic=*/false)})),
       trunk_(*this, config, generator),
-      critic_(*this, encoder_of(config).branch(config, true), {trunk_.features()}, initialiser_of(config),
+      critic_(*this, branch_layers(config, /*of_critic=*/true), {trunk_.features()}, initialiser_of(config),
               generator),
-      actor_(*this, encoder_of(config).branch(config, false), {trunk_.features()}, initialiser_of(config),
+      actor_(*this, branch_layers(config, /*of_critic=*/false), {trunk_.features()}, initialiser_of(config),
              generator) {}
 
 }  // namespace cale

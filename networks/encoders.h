@@ -1,4 +1,4 @@
-// From observations to feature vectors: the encoders of policy/encoder_layers.h as modules.
+// From observations to feature vectors: the layers of an encoder as modules.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,12 @@
 
 #include "networks/layer_stack.h"
 #include "networks/layers.h"
-#include "policy/encoder_layers.h"
+#include "policy/network_spec.h"
 
 namespace cale {
 
-/// The encoders that agents choose from; one row each of the table in encoders.cpp.
+/// The encoders that agents choose from: one row each of the table in encoder_table.cpp. Their layers are in
+/// policy/encoder_layers.h.
 enum class EncoderKind { phi_sac, phi_dqn, impala, mlp, compact, flat, data_efficient, phi_dqn_2013 };
 /// conv2d: the convolutions as Mnih et al. meant them. row1d: as Dopamine's CALE agents run
 /// them, where each row of the image is convolved by itself.
@@ -38,6 +39,10 @@ struct EncoderConfig {
 /// Returns the layers from an observation to the features. Throws std::invalid_argument where a convolutional
 /// encoder is to read bytes that are no image.
 Layers trunk_layers(const EncoderConfig& config);
+/// Returns the layers from the features to the critic's or the actor's branch.
+Layers branch_layers(const EncoderConfig& config, bool of_critic);
+/// Returns how the encoder's parameters start.
+Initialiser initialiser_of(const EncoderConfig& config);
 
 /// The layers of an encoder: [B, observation] uint8 -> [B, features()]. They are submodules of the owner that
 /// it is made with, named conv1, conv2, ..., stage1_conv, ... or fc1, fc2. Bytes are divided by 255. phi_sac

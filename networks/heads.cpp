@@ -8,8 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "policy/encoder_layers.h"
-
 namespace cale {
 
 Layers hidden_layers(const HeadConfig& config) {
@@ -27,10 +25,6 @@ MlpImpl::MlpImpl(std::int64_t in, std::int64_t out, const HeadConfig& config, at
 
 torch::Tensor MlpImpl::forward(torch::Tensor x) {
     return out_(hidden_(std::move(x))).to(out_->weight.scalar_type());
-}
-
-torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions) {
-    return values.gather(1, actions.unsqueeze(1)).squeeze(1);
 }
 
 std::span<const std::string_view> names_of(TwinEstimate) {
@@ -58,6 +52,8 @@ ActionBox action_box(const ActionSpace& space) {
     const auto joystick = joystick_space();
     if (limits == nullptr || (limits->low == joystick.low && limits->high == joystick.high))
         return joystick_box();  // pi in double precision
+    if (limits->low.size() != limits->high.size())
+        throw std::invalid_argument("an action's coordinates must have as many lower limits as upper ones");
     std::vector<float> centres, half_widths;
     double log_half_widths = 0;
     for (std::size_t i = 0; i < limits->low.size(); ++i) {
@@ -123,13 +119,6 @@ torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const
                              at::Generator random) {
     const auto chosen = torch::rand({actions.size(0), 1}, random) <= epsilon;
     return torch::where(chosen, uniform_actions(box, actions.size(0), random), actions);
-}
-
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
-                             at::Generator random) {
-    const auto chosen = torch::rand({actions.size(0)}, random) <= epsilon;
-    const auto uniform = torch::randint(0, num_actions, actions.sizes(), random, torch::kInt64);
-    return torch::where(chosen, uniform, actions);
 }
 
 }  // namespace cale

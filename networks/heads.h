@@ -44,9 +44,6 @@ class MlpImpl : public torch::nn::Module {
 };
 using Mlp = torch::nn::ModuleHolder<MlpImpl>;
 
-/// values [B, A], actions [B] int64 -> the values of the actions, [B].
-torch::Tensor gather_actions(const torch::Tensor& values, const torch::Tensor& actions);
-
 /// What two critics together estimate: the smaller value (Fujimoto et al. 2018), or the mean (Zhou et al.
 /// 2022, "Revisiting Discrete Soft Actor-Critic").
 enum class TwinEstimate { minimum, mean };
@@ -84,7 +81,7 @@ struct ActionBox {
 ActionBox joystick_box();
 
 /// Returns the box of a space, float32 on the CPU, without landmarks: the joystick's for a discrete space,
-/// which has none. Throws std::invalid_argument for limits that are not finite or not in order.
+/// which has none. Throws std::invalid_argument for limits that are not finite, in order or pairs.
 ActionBox action_box(const ActionSpace& space);
 
 /// The action centre + half_width * tanh(u), where u is normal with this mean and
@@ -119,9 +116,6 @@ torch::Tensor uniform_actions(const ActionBox& box, std::int64_t count, at::Gene
 /// Replaces each action [N, A] of the box, on the CPU, by a uniform one with this probability: where a number
 /// of [0, 1) is no larger, as in Dopamine. Draws for an epsilon of 0, too.
 torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, const ActionBox& box,
-                             at::Generator random);
-/// The same for actions [N] int64 out of `num_actions`.
-torch::Tensor epsilon_greedy(const torch::Tensor& actions, double epsilon, std::int64_t num_actions,
                              at::Generator random);
 
 }  // namespace cale

@@ -6,6 +6,8 @@
 
 #include <torch/types.h>
 
+#include "networks/discrete_actions.h"
+
 namespace cale {
 namespace {
 

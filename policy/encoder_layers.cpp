@@ -1,5 +1,6 @@
 #include "policy/encoder_layers.h"
 
+#include <cstdint>
 #include <initializer_list>
 #include <utility>
 
@@ -88,16 +89,6 @@ Layers relu_branch(const std::string& name, bool layer_norm) {
     Layers layers{Layer::dense(name + "_fc", 512)};
     if (layer_norm) layers.push_back(Layer::layer_norm(name + "_ln"));
     layers.push_back(relu());
-    return layers;
-}
-
-Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm) {
-    Layers layers;
-    for (std::int64_t i = 1; i <= count; ++i) {
-        layers.push_back(Layer::dense("fc" + std::to_string(i), units));
-        if (layer_norm) layers.push_back(Layer::layer_norm("ln" + std::to_string(i)));
-        layers.push_back(Layer::of(activation));
-    }
     return layers;
 }
 

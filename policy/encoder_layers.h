@@ -9,7 +9,6 @@
 //   impala   Espeholt et al. 2018, "IMPALA", figure 3 right, without the LSTM
 #pragma once
 
-#include <cstdint>
 #include <string>
 
 #include "policy/network_spec.h"
@@ -40,13 +39,9 @@ Layers mlp(bool layer_norm = false);
 Layers flat();
 
 /// The narrow branch of CALE's agents: `name`_fc (50 units), `name`_ln, tanh. Which encoder has which is in
-/// networks/encoders.h.
+/// networks/encoder_table.cpp.
 Layers tanh_branch(const std::string& name);
 /// The wide branch: `name`_fc (512 units), `name`_ln where `layer_norm`, ReLU.
 Layers relu_branch(const std::string& name, bool layer_norm);
-
-/// fc1, fc2, ... of `units` each, each with its activation, Layer::Kind::relu or tanh, and ln1, ln2, ...
-/// before those where `layer_norm`.
-Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm = false);
 
 }  // namespace cale

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <string>
 #include <tuple>
 
 namespace cale {
@@ -47,6 +48,16 @@ Layers chain(std::initializer_list<Layers> lists) {
     Layers all;
     for (const auto& list : lists) all.insert(all.end(), list.begin(), list.end());
     return all;
+}
+
+Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm) {
+    Layers layers;
+    for (std::int64_t i = 1; i <= count; ++i) {
+        layers.push_back(Layer::dense("fc" + std::to_string(i), units));
+        if (layer_norm) layers.push_back(Layer::layer_norm("ln" + std::to_string(i)));
+        layers.push_back(Layer::of(activation));
+    }
+    return layers;
 }
 
 bool is_noisy(const NetworkSpec& network) {

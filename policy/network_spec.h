@@ -70,6 +70,9 @@ inline constexpr double kLayerNormEpsilon = 1e-6;  // Flax's, not PyTorch's 1e-5
 Layers prefixed(std::string_view prefix, Layers layers);
 /// Returns all layers of the lists, one list behind the other.
 Layers chain(std::initializer_list<Layers> lists);
+/// fc1, fc2, ... of `units` each, each with its activation, Layer::Kind::relu or tanh, and ln1, ln2, ...
+/// before those where `layer_norm`.
+Layers hidden_layers(std::int64_t count, std::int64_t units, Layer::Kind activation, bool layer_norm = false);
 
 /// The last dense layer, and how its numbers are an action.
 struct Head {

@@ -121,6 +121,9 @@ bool Policy::gives_action_values() const {
 Workspace Policy::workspace(std::size_t observations) const {
     if (observations == 0) throw std::invalid_argument("a workspace has room for at least one observation");
     Workspace workspace;
+    if (observations > workspace.numbers_.max_size() / plan_->memory_size)
+        throw std::length_error("a workspace for " + std::to_string(observations) +
+                                " observations is larger than any memory");
     workspace.plan_ = plan_;
     workspace.numbers_.resize(plan_->memory_size * observations);
     return workspace;

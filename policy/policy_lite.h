@@ -57,7 +57,7 @@ class Policy {
 
     /// Memory for one thread that acts with this policy, on up to so many observations at a time: they share
     /// each pass over the weights. Eight are worth it; more only cost memory. Throws std::invalid_argument
-    /// for 0.
+    /// for 0 and std::length_error for more than any memory has room for.
     Workspace workspace(std::size_t observations = 1) const;
 
     /// The greedy decision on an observation [stack, frame_height, frame_width]. Allocates nothing.

@@ -58,6 +58,8 @@ torch::Tensor shifted_by_index(const torch::Tensor& frames, const torch::Tensor&
 torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts) {
     if (frames.dim() != 4 || frames.scalar_type() != torch::kUInt8)
         throw std::invalid_argument("random_shift moves frames [B, stack, rows, columns] of type uint8");
+    if (shifts.sizes() != at::IntArrayRef{frames.size(0), 2} || shifts.scalar_type() != torch::kInt64)
+        throw std::invalid_argument("random_shift moves B observations by shifts [B, 2] of type int64");
     return frames.is_cpu() ? shifted_on_cpu(frames, shifts) : shifted_by_index(frames, shifts);
 }
 

@@ -16,7 +16,8 @@ namespace cale {
 torch::Tensor random_shift(const torch::Tensor& frames, std::int64_t pad, const at::Generator& random);
 
 /// The same by `shifts` [B, 2] int64, rows and columns on the CPU or on the frames' device: pixel (i, j) of a
-/// result is pixel (i + rows, j + columns) of the frames.
+/// result is pixel (i + rows, j + columns) of the frames. Throws std::invalid_argument for other shapes or
+/// types.
 torch::Tensor shifted(const torch::Tensor& frames, const torch::Tensor& shifts);
 /// The same on any device, by operators of LibTorch: what shifted() does with frames that are not on the CPU.
 torch::Tensor shifted_by_index(const torch::Tensor& frames, const torch::Tensor& shifts);

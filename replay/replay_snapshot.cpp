@@ -211,6 +211,7 @@ void ReplaySnapshot::save(const fs::path& folder, const TakeOver& take_over) {
     for (const ReplayConfigEntry& entry : entries(config_)) saving(&entry.value, 1);
     exchange_state(state_, config_, saving);
     file.commit();
+    ring_.reset();  // a later snapshot's holds are its own
 }
 
 void save_replay(Replay& replay, const fs::path& folder) {

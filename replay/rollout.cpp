@@ -48,6 +48,8 @@ Rollout::Rollout(const RolloutConfig& rollout_config)
 void Rollout::set_observations(const torch::Tensor& observations) {
     if (full()) throw std::logic_error("a full rollout was not learned from before the next decision");
     require_shape("observations", observations, observation.sizes().slice(1));
+    if (observations.scalar_type() != torch::kUInt8)
+        throw std::invalid_argument("the rollout stores observations of type uint8");
     store_observations(observations);
 }
 

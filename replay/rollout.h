@@ -34,7 +34,7 @@ class Rollout {
     virtual ~Rollout() = default;
 
     /// Stores the observations that the next actions are chosen on: [N, stack, ...] uint8. Throws
-    /// std::invalid_argument for another shape, and std::logic_error where the rollout is full.
+    /// std::invalid_argument for another shape or type, and std::logic_error where the rollout is full.
     void set_observations(const torch::Tensor& observations);
 
     /// Stores the step that followed. Throws std::invalid_argument for other counts, a reward that is not

@@ -145,8 +145,9 @@ EnvConfig env_config_of(const PolicyInfo& info) {
     try {
         const auto found = info.provenance.find("config");
         if (found == info.provenance.end()) throw std::runtime_error("it holds none");
-        const auto config = YAML::Load(found->second);
-        for (const auto& setting : config["env"])
+        const auto section = YAML::Load(found->second)["env"];
+        if (!section.IsMap()) throw std::runtime_error("it has no section env");
+        for (const auto& setting : section)
             table.at("env." + setting.first.as<std::string>()).set(setting.second.as<std::string>());
     } catch (const std::exception& error) {
         throw std::runtime_error(

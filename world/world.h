@@ -62,7 +62,7 @@ class World {
     virtual std::vector<EpisodeRecord> record() const = 0;
     /// Continues in every environment as the one would that was recorded. The newest observations are not
     /// written: the caller has them. Throws std::runtime_error for a record that is damaged or another
-    /// world's.
+    /// world's; for another number of them it may be std::invalid_argument.
     virtual void resume(std::span<const EpisodeRecord> records) = 0;
 };
 

@@ -11,6 +11,7 @@
 #include "agents/random.h"
 #include "agents/state.h"
 #include "networks/adam.h"
+#include "networks/discrete_actions.h"
 #include "replay/rollout.h"
 
 namespace cale {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include <networks/adam.h>
-#include <networks/heads.h>
+#include <networks/discrete_actions.h>
 
 #include "patch_network.h"
 

@@ -10,6 +10,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
+#include "networks/discrete_actions.h"
 #include "networks/heads.h"
 #include "policy/policy_file.h"
 #include "policy/torch/actor_network.h"

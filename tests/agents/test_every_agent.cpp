@@ -377,6 +377,9 @@ TEST_P(EveryAgent, RefusesAStateThatDoesNotFitAndStaysAsItIs) {
     auto garbled = make(world(1, 2))->state();
     garbled["random/evaluation"] = torch::zeros({4}, torch::kUInt8);
     expect_refused(garbled, "random state");
+    auto fractional = make(world(1, 2))->state();
+    fractional["training_steps"] = torch::tensor(1.7);
+    expect_refused(fractional, "'training_steps'");
     for (const auto& other : every_agent()) {
         if (other.name == GetParam().name) continue;
         EXPECT_THROW(agent->load_state(other.make({}, other.world())->state()), std::runtime_error)

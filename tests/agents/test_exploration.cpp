@@ -1,3 +1,5 @@
+#include <stdexcept>
+
 #include <gtest/gtest.h>
 
 #include "agents/exploration.h"
@@ -15,6 +17,14 @@ TEST(SchedulesGolden, EpsilonDecaysAsInTheReference) {
             EXPECT_NEAR(epsilon, expected, 1e-6 * expected) << file << ", step " << row["step"];
         }
     }
+}
+
+TEST(ExplorationBox, EventsAreThoseOfTheWorldsBox) {
+    using cale::RandomActions;
+    const cale::Box plain{.low = {-1}, .high = {1}};
+    EXPECT_FALSE(cale::exploration_box(plain, RandomActions::box).landmarks.defined());
+    EXPECT_THROW(cale::exploration_box(plain, RandomActions::events), std::invalid_argument);
+    EXPECT_THROW(cale::exploration_box(cale::Discrete{18}, RandomActions::events), std::invalid_argument);
 }
 
 }  // namespace

@@ -738,6 +738,8 @@ TEST(Ppo, ARolloutIsAMultipleOfTheEnvironmentsAndOfTheMinibatch) {
     EXPECT_THAT([&] { make_ppo(config, joystick_world(16)); }, names("env.num_envs", "16"));
     config.minibatch_size = 5;
     EXPECT_THAT([&] { make_ppo(config, joystick_world()); }, names("agent.minibatch_size", "5"));
+    config.minibatch_size = 0;
+    EXPECT_THAT([&] { make_ppo(config, joystick_world()); }, names("agent.minibatch_size", "0"));
 }
 
 // Learning ----------------------------------------------------------------------------

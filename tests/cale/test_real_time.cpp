@@ -197,6 +197,11 @@ TEST(EmulatorRealTime, EventsAreCheckedBeforeTheyArePressed) {
                  std::invalid_argument);
 }
 
+TEST(EmulatorRealTime, AGameThatWasNotStartedIsNotResumed) {
+    cale::RealTimeGame game(pacman(), 1);
+    EXPECT_THROW(game.resume(game.record()), std::logic_error);
+}
+
 TEST(EmulatorRealTime, AResumedGameBeginsAnew) {
     Played played(pacman());
     const Bytes first = played.frame;

@@ -136,5 +136,23 @@ TEST(EmulatorResume, RefusesWhatIsNoRecord) {
     EXPECT_EQ(env.record().events, good.events);
 }
 
+TEST(EmulatorResume, ARefusedRecordChangesNoLaterGame) {
+    auto config = protocol_200m("pong");
+    config.noop_max = 30;
+    std::vector<std::uint8_t> frame(kFrameSize);
+    Env env(config, 1), undisturbed(config, 1);
+    env.reset(frame);
+    undisturbed.reset(frame);
+    GameRecord damaged;
+    damaged.start = "no numbers";
+    EXPECT_THROW(env.resume(damaged), std::runtime_error);
+    for (int game = 0; game < 4; ++game) {
+        env.reset(frame);
+        undisturbed.reset(frame);
+        EXPECT_EQ(env.frame_number(), undisturbed.frame_number()) << "as many no-ops";
+        EXPECT_EQ(ram_of(env), ram_of(undisturbed));
+    }
+}
+
 }  // namespace
 }  // namespace cale

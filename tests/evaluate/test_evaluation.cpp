@@ -289,6 +289,11 @@ TEST(EvaluationEmulator, RefusesActionsOfAnotherKind) {
     };
     EXPECT_THAT([&] { evaluate(discrete, plan); },
                 testing::ThrowsMessage<std::invalid_argument>(HasSubstr("continuous actions were expected")));
+    const auto one_value = [](const torch::Tensor& observations, std::span<const std::int64_t>) {
+        return Chosen{.actions = torch::full({observations.size(0), 3}, 0.5), .values = torch::zeros({7})};
+    };
+    EXPECT_THAT([&] { evaluate(one_value, plan); },
+                testing::ThrowsMessage<std::invalid_argument>(HasSubstr("values were expected, but got: 7")));
 }
 
 /// Five games with known results.
@@ -342,6 +347,15 @@ TEST(Evaluation, WritesThreeTables) {
     EXPECT_THAT(rewards, StartsWith("quantile,reward\n0,-1\n0.01,-1\n0.02,-1\n0.03,0\n"));
     EXPECT_THAT(rewards, HasSubstr("\n0.89,5\n"));
     EXPECT_EQ(std::count(rewards.begin(), rewards.end(), '\n'), 102);
+}
+
+TEST(Evaluation, ATableBesideTheProgramNeedsNoFolder) {
+    const TemporaryFolder folder;
+    const auto before = std::filesystem::current_path();
+    std::filesystem::current_path(folder.path());
+    write_evaluation("step_1.csv", known());
+    std::filesystem::current_path(before);
+    EXPECT_THAT(folder.read("step_1.csv"), StartsWith("episode,return,length,frames\n0,10,7,28\n"));
 }
 
 /// A run of a few steps with its real network, and its policy.

@@ -1,5 +1,7 @@
 #include "evaluate/event_counts.h"
 
+#include <stdexcept>
+
 #include <gtest/gtest.h>
 
 namespace cale {
@@ -47,6 +49,12 @@ TEST(EventCounts, AStickThatMovesCountsItsFrames) {
 TEST(EventCounts, WhereNoFrameWasPlayedNothingCounts) {
     EventCounts counts{};
     count_events(counts, {.frames = 0, .event = static_cast<std::uint8_t>(Event::up)});
+    EXPECT_EQ(counts, EventCounts{});
+}
+
+TEST(EventCounts, ANumberThatIsNoEventIsRefused) {
+    EventCounts counts{};
+    EXPECT_THROW(count_events(counts, {.event = kEventCount}), std::out_of_range);
     EXPECT_EQ(counts, EventCounts{});
 }
 

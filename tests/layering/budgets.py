@@ -12,7 +12,7 @@ FOLDERS = ("world cale policy networks storage terminal replay dopamine parallel
            "train sweep play tools python web").split()
 INCLUDE = re.compile(r'\s*#include\s+["<]([^">]+)[">]')
 
-READING = {"agents/sac.cpp": (40, 3650), "agents/ppo.cpp": (56, 4950)}  # files, lines
+READING = {"agents/sac.cpp": (40, 3500), "agents/ppo.cpp": (56, 4750)}  # files, lines
 PAIRS = {"sac": 220, "sacd": 260, "dqn": 260, "der": 260, "ppo": 300}
 SHARE_OF_A_FOLDER = 0.16
 SHARED_LINES = 6

@@ -115,6 +115,7 @@ TEST(Adam, DelayedParametersStepAsIfAlone) {
     }
     EXPECT_EQ(adam.state().at("steps").item<float>(), 6);
     EXPECT_EQ(adam.state().at("delayed_steps").item<float>(), 3);
+    EXPECT_THROW(adam.delay({every}), std::logic_error);
 }
 
 TEST(Targets, SoftUpdateMovesByTau) {

@@ -1,3 +1,4 @@
+#include "networks/discrete_actions.h"
 #include "networks/heads.h"
 #include "networks/ppo_network.h"
 
@@ -151,8 +152,9 @@ TEST(ActionBox, NoActionLeavesLimitsWhoseMiddleIsRounded) {
 
 TEST(ActionBox, RefusesLimitsThatHaveNoMiddleOrNoWidth) {
     constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    for (const auto& limits : {Box{.low = {0}, .high = {0}}, Box{.low = {1}, .high = {-1}},
-                               Box{.low = {0}, .high = {kInfinity}}, Box{.low = {-kInfinity}, .high = {0}}})
+    for (const auto& limits :
+         {Box{.low = {0}, .high = {0}}, Box{.low = {1}, .high = {-1}}, Box{.low = {0}, .high = {kInfinity}},
+          Box{.low = {-kInfinity}, .high = {0}}, Box{.low = {0, 0}, .high = {1}}})
         EXPECT_THROW(action_box(limits), std::invalid_argument);
 }
 

@@ -288,6 +288,7 @@ TEST(LitePolicy, RefusesBatchesThatAreNone) {
                 HasSubstr("3 observations have"));
     EXPECT_EQ(test::message_of([&] { policy.workspace(0); }),
               "a workspace has room for at least one observation");
+    EXPECT_THROW(policy.workspace(std::size_t{1} << 60), std::length_error);
 }
 
 TEST(LitePolicy, ActingAllocatesNothing) {

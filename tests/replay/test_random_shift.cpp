@@ -67,5 +67,12 @@ TEST(RandomShift, ImagesOnly) {
     EXPECT_THROW(random_shift(frames(2, 4, 8, 8), -1, random), std::invalid_argument);
 }
 
+TEST(RandomShift, EveryObservationNeedsItsShift) {
+    const auto images = frames(2, 4, 8, 8);
+    EXPECT_THROW(shifted(images, torch::zeros({1, 2}, torch::kInt64)), std::invalid_argument);
+    EXPECT_THROW(shifted(images, torch::zeros({2, 1}, torch::kInt64)), std::invalid_argument);
+    EXPECT_THROW(shifted(images, torch::zeros({2, 2})), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace cale

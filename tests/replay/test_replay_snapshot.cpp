@@ -1,5 +1,6 @@
 // A replay that is written by one thread while another goes on filling it.
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -72,6 +73,24 @@ TEST(ReplaySnapshot, LetsGoOfTheReplayWhenItIsDropped) {
     EXPECT_THROW(save_replay(replay, folder.path() / "absent"), std::runtime_error);
     play(replay, 60, 100);
     EXPECT_NO_THROW(save_replay(replay, folder.path()));
+}
+
+TEST(ReplaySnapshot, LetsGoOfTheReplayWhenItIsWritten) {
+    const test::TemporaryFolder folder;
+    ReplayBuffer replay(config_of(20));
+    play(replay, 0, 50);
+    {
+        std::optional<ReplaySnapshot> written(replay);
+        written->save(folder.path());
+        const ReplaySnapshot next(replay);
+        written.reset();
+        EXPECT_THROW(ReplaySnapshot{replay}, std::logic_error) << "the next one's hold is its own";
+    }
+    ReplaySnapshot last(replay);
+    last.save(folder.path());
+    const auto before = read_all(replay);
+    load_replay(replay, folder.path());
+    EXPECT_EQ(read_all(replay), before);
 }
 
 TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {

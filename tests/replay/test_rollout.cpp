@@ -77,6 +77,11 @@ TEST(Rollout, DiscreteActionsAreNumbers) {
     EXPECT_TRUE(torch::equal(rollout.action[0], torch::tensor({3, 17}, torch::kInt64)));
 }
 
+TEST(Rollout, ObservationsAreBytes) {
+    Rollout rollout(small_config());
+    EXPECT_THROW(rollout.set_observations(observations(0).to(torch::kFloat32)), std::invalid_argument);
+}
+
 TEST(Rollout, AFullOneTakesNothingMoreUntilItIsCleared) {
     auto rollout = filled();
     EXPECT_THROW(rollout.set_observations(observations(0)), std::logic_error);

@@ -386,6 +386,9 @@ TEST(ExportTest, AConfigurationThatIsNone) {
     PolicyInfo info;
     info.game = "Pong";
     EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }), HasSubstr("it holds none"));
+    info.provenance["config"] = "train:\n  seed: 1\n";
+    EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }),
+                HasSubstr("it has no section env"));
     info.provenance["config"] = "env:\n  game: pong\n  colour: red\n";
     EXPECT_THAT(test::error_of<std::runtime_error>([&] { env_config_of(info); }), HasSubstr("env.colour"));
     info.provenance["config"] = "env: [";
