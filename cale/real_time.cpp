@@ -165,6 +165,10 @@ struct RealTimeGame::Impl {
 
     struct Stopped {};
 
+    void require_started() const {
+        if (first_observation.empty()) throw std::logic_error("no game was started: call reset() first");
+    }
+
     EnvConfig config;
     Env env;  // of the console's thread, once it runs
     FrameClock clock;
@@ -203,7 +207,7 @@ void RealTimeGame::reset(std::span<std::uint8_t> frames) {
 }
 
 void RealTimeGame::announce(const Actions& actions) {
-    if (impl_->first_observation.empty()) throw std::logic_error("no game was started: call reset() first");
+    impl_->require_started();
     const auto action = action_of(impl_->config, impl_->env.actions(), actions);
     {
         const std::lock_guard lock(impl_->mutex);
@@ -239,7 +243,7 @@ std::vector<EpisodeRecord> RealTimeGame::record() const {
 }
 
 void RealTimeGame::resume(std::span<const EpisodeRecord>) {
-    if (impl_->first_observation.empty()) throw std::logic_error("no game was started: call reset() first");
+    impl_->require_started();
     // The game that the caller saw last is cut off; its last observation is the caller's.
     const std::lock_guard lock(impl_->mutex);
     impl_->news.push_front({.result = {.truncated = true, .episode_over = true, .frames = 0},

@@ -28,6 +28,7 @@
 #include "evaluate/evaluation_report.h"
 #include "evaluate/policy_evaluation.h"
 #include "support/temporary_folder.h"
+#include "support/working_folder.h"
 #include "terminal/console.h"
 #include "train/export.h"
 #include "train/program.h"
@@ -351,10 +352,8 @@ TEST(Evaluation, WritesThreeTables) {
 
 TEST(Evaluation, ATableBesideTheProgramNeedsNoFolder) {
     const TemporaryFolder folder;
-    const auto before = std::filesystem::current_path();
-    std::filesystem::current_path(folder.path());
+    const test::WorkingFolder here(folder.path());
     write_evaluation("step_1.csv", known());
-    std::filesystem::current_path(before);
     EXPECT_THAT(folder.read("step_1.csv"), StartsWith("episode,return,length,frames\n0,10,7,28\n"));
 }
 

@@ -15,6 +15,7 @@
 
 #include "support/full_disk.h"
 #include "support/temporary_folder.h"
+#include "support/working_folder.h"
 
 namespace cale {
 namespace {
@@ -59,10 +60,8 @@ TEST(Files, PiecesAreJoined) {
 
 TEST(Files, RelativeNamesWithoutAFolder) {
     TemporaryFolder folder;
-    const auto before = std::filesystem::current_path();
-    std::filesystem::current_path(folder.path());
+    const test::WorkingFolder here(folder.path());
     write_file_atomically("a", "contents");
-    std::filesystem::current_path(before);
     EXPECT_EQ(folder.read("a"), "contents");
 }
 

@@ -13,6 +13,7 @@
 #include "fake_program.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
+#include "support/working_folder.h"
 #include "sweep/shell.h"
 
 namespace cale {
@@ -108,14 +109,12 @@ TEST_F(SweepPlan, SettingsThatDoNotFitTogetherAreSaidBeforeAnythingStarts) {
 TEST_F(SweepPlan, AnEmptyPartOfThePathIsTheWorkingFolder) {
     plan_of("");
     const std::string before = std::getenv("PATH");
-    const auto folder = std::filesystem::current_path();
-    std::filesystem::current_path(fake_.path());
+    const test::WorkingFolder here(fake_.path());
     for (const auto& path : {":" + before, before + ":", before + "::/bin"}) {
         ::setenv("PATH", path.c_str(), 1);
         EXPECT_EQ(plan(read_sweep("mine.yaml"), "/nowhere")[0].program, fake_.path() / "train_fake") << path;
     }
     ::setenv("PATH", before.c_str(), 1);
-    std::filesystem::current_path(folder);
 }
 
 TEST_F(SweepPlan, ARunsOwnGameHasToFitItsSettings) {

@@ -31,6 +31,7 @@
 #include "storage/files.h"
 #include "storage/run_lock.h"
 #include "support/temporary_folder.h"
+#include "support/working_folder.h"
 #include "train/export.h"
 #include "train/log.h"
 
@@ -410,8 +411,7 @@ TEST(Program, AnAgentsNameFitsIntoFilesNames) {
 
 TEST(ProgramEmulator, RunsThatStartInTheSameSecondHaveFoldersOfTheirOwn) {
     const TemporaryFolder folder;
-    const auto before = std::filesystem::current_path();
-    std::filesystem::current_path(folder.path());
+    const test::WorkingFolder here(folder.path());
     const auto now = std::time(nullptr);
     for (int second = 0; second < 60; ++second) {  // as other runs would have made them
         std::filesystem::create_directories(fmt::format("runs/Pong__sac__1__{}", now + second));
@@ -420,7 +420,6 @@ TEST(ProgramEmulator, RunsThatStartInTheSameSecondHaveFoldersOfTheirOwn) {
     auto arguments = small("");
     arguments.erase(arguments.begin(), arguments.begin() + 2);  // --run-dir
     const auto answer = train_sac(arguments);
-    std::filesystem::current_path(before);
     EXPECT_EQ(answer.code, 0) << answer.stderr_text;
     std::vector<std::string> trained;
     for (const auto& run : std::filesystem::directory_iterator(folder / "runs"))
