@@ -24,7 +24,7 @@ class Replay;
 /// The world that an agent is made for.
 ///
 /// Beside an agent's configuration there may be these functions, which the training programs call
-/// (agents/on_policy.h has all of them):
+/// (agents/on_policy.h and on_policy_memory.h have all of them):
 ///   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
 ///                                          not fit together or to this world. make_NAME() calls it too. Is
 ///                                          called before there is a game: a discrete action_space may have
@@ -77,7 +77,7 @@ AgentPolicy policy_of(const NetworkSpec& acting, const torch::nn::Module& networ
                       double epsilon);
 /// The same of a network with a member `acting`, such as SacNetwork.
 template <class Network>
-AgentPolicy policy_of_network(const Network& network, bool samples, double epsilon) {
+AgentPolicy policy_of(const Network& network, bool samples, double epsilon) {
     return policy_of(network->acting, *network, samples, epsilon);
 }
 

@@ -3,7 +3,6 @@
 
 #include <functional>
 #include <memory>
-#include <vector>
 
 #include <ATen/core/Generator.h>
 #include <c10/core/Device.h>
@@ -16,11 +15,11 @@ namespace cale {
 ///
 /// Requirements on an update: its inputs stay in the same memory from run to run (new values are copied in),
 /// its outputs are read after each run or not at all, it never synchronises with the host, and its random
-/// numbers come from the given generators. Host scalars are baked into the graph.
+/// numbers come from the given generator. Host scalars are baked into the graph.
 class CapturedUpdate {
   public:
-    /// `generators`: the device's generators that the update draws from.
-    CapturedUpdate(c10::Device device, const std::vector<at::Generator>& generators);
+    /// `generator`: the device's, from which the update draws; undefined where it draws nothing.
+    CapturedUpdate(c10::Device device, at::Generator generator);
     ~CapturedUpdate();
 
     /// Runs `update` once. It must be the same in every call.

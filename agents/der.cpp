@@ -102,7 +102,7 @@ struct Der : QState {
         : QState(settings, spec), config(settings), device(spec.device) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const bool noisy = now.training() || is_noisy(network->acting);
+        const bool noisy = now.training || is_noisy(network->acting);
         // With one draw for all, the environments would explore alike.
         const auto noise = noisy ? draw(now.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, noisy ? &noise : nullptr);

@@ -7,6 +7,7 @@
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <torch/types.h>
 
+#include "agents/random.h"
 #include "networks/layers.h"
 #include "replay/types.h"
 
@@ -164,10 +165,6 @@ RandomStreams::RandomStreams(const AgentSpec& spec, bool draws_in_updates)
     : acting(make_generator(stream_seed(spec.seed, kActing))),
       evaluation(make_generator(stream_seed(spec.seed, draws_in_updates ? kEvaluation : kUpdates))) {
     if (draws_in_updates) updates = make_generator(stream_seed(spec.seed, kUpdates), spec.device);
-}
-
-std::vector<at::Generator> RandomStreams::of_updates() const {
-    return updates.defined() ? std::vector{updates} : std::vector<at::Generator>{};
 }
 
 void RandomStreams::add_state(StateParts& parts) {

@@ -20,7 +20,6 @@
 #include "agents/agent.h"
 #include "agents/captured_update.h"
 #include "agents/exploration.h"
-#include "agents/random.h"
 #include "agents/state.h"
 #include "agents/time_split.h"
 #include "cale/fields.h"
@@ -60,7 +59,8 @@ void fields(ReplaySettings& settings, Visit&& visit) {
     visit("replay_terminal", settings.replay_terminal,
           "corrected: every transition once; dopamine: the reference's accumulator");
     visit("replay_on_device", settings.replay_on_device,
-          "keep the frames in the memory of --device too, and put batches together there; 7 GB per million");
+          "keep the frames in the memory of --device too, and put batches together there; 7 GB per million "
+          "screens");
     visit("random_shift", settings.random_shift, Range{0, 16},
           "every sampled observation is shifted by up to this many pixels in each direction; 0: off");
 }
@@ -135,9 +135,6 @@ struct RandomStreams {
     RandomStreams(const AgentSpec& spec, bool draws_in_updates);
     /// Adds random/acting, random/evaluation, and random/update_noise where updates draw.
     void add_state(StateParts& parts);
-    /// Returns the generator that updates draw from, or none.
-    std::vector<at::Generator> of_updates() const;
-
     at::Generator acting, evaluation;  // on the CPU
     at::Generator updates;             // on the agent's device; undefined where updates draw nothing
 };
@@ -170,12 +167,10 @@ bool is_prioritised(const Config& config) {
 
 /// The context in which an algorithm acts.
 struct Acting {
-    ActMode mode;        // with exploration, or as evaluations act
+    bool training;       // with exploration; else as evaluations act
     double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
     bool draws_epsilon;  // of SAC and SAC-D: actions may be uniform; else nothing is drawn
     at::Generator random;  // of training or of evaluation, on the CPU
-
-    bool training() const { return mode == ActMode::train; }  // otherwise evaluation
 };
 
 /// An agent that learns from a replay. `Algorithm` has
@@ -207,15 +202,16 @@ class OffPolicy final : public Agent {
           algorithm_(config, spec),
           replay_(config.replay, spec, is_prioritised(config)),
           random_(spec, Algorithm::kDrawsInUpdates || config.replay.random_shift > 0),
-          gradient_step_(spec.device, random_.of_updates()),
-          critics_step_(spec.device, random_.of_updates()) {}
+          gradient_step_(spec.device, random_.updates),
+          critics_step_(spec.device, random_.updates) {}
 
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
-        const double epsilon = training ? this->epsilon() : evaluation_epsilon();
+        const double epsilon =
+            training ? exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0) : evaluation_epsilon();
         return algorithm_.act(observations.to(spec_.device),
-                              {.mode = mode,
+                              {.training = training,
                                .epsilon = epsilon,
                                .draws_epsilon = !explores_by_noise() && (training || epsilon > 0),
                                .random = training ? random_.acting : random_.evaluation});
@@ -252,11 +248,9 @@ class OffPolicy final : public Agent {
     }
     std::optional<AgentPolicy> policy() const override {
         if constexpr (requires { algorithm_.acting(); })
-            return policy_of_network(algorithm_.acting(), algorithm_.config.sampled_evaluation,
-                                     evaluation_epsilon());
+            return policy_of(algorithm_.acting(), algorithm_.config.sampled_evaluation, evaluation_epsilon());
         else if constexpr (requires { algorithm_.network->acting; })
-            return policy_of_network(algorithm_.network, is_noisy(algorithm_.network->acting),
-                                     evaluation_epsilon());
+            return policy_of(algorithm_.network, is_noisy(algorithm_.network->acting), evaluation_epsilon());
         return std::nullopt;
     }
     Replay* replay() override { return &replay_.buffer(); }
@@ -276,15 +270,9 @@ class OffPolicy final : public Agent {
             return algorithm_.epsilon(scheduled, replay_.warms_up());
         return scheduled;
     }
-    double epsilon() const { return exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0); }
 
     double evaluation_epsilon() const {
         return explores_by_noise() ? 0 : algorithm_.config.epsilon.epsilon_eval;
-    }
-
-    bool delays_the_actor() const {
-        if constexpr (requires { algorithm_.config.actor_period; }) return algorithm_.config.actor_period > 1;
-        return false;
     }
 
     /// The batch as an algorithm sees it.
@@ -315,7 +303,8 @@ class OffPolicy final : public Agent {
         algorithm_.add_state(parts);
         random_.add_state(parts);
         replay_.add_state(parts);
-        if (delays_the_actor()) parts.counters["gradient_steps"] = &gradient_steps_;
+        if constexpr (requires { algorithm_.config.actor_period; })
+            if (algorithm_.config.actor_period > 1) parts.counters["gradient_steps"] = &gradient_steps_;
         return parts;
     }
 

@@ -12,7 +12,6 @@
 #include "agents/advantages.h"
 #include "agents/captured_update.h"
 #include "agents/env_share.h"
-#include "agents/memory.h"
 #include "agents/random.h"
 #include "agents/state.h"
 #include "dopamine/repeated_frame.h"
@@ -85,8 +84,6 @@ void OnPolicyState::step(torch::Tensor& loss, const ProcessGroup* processes) {
 
 // Agent -------------------------------------------------------------------------------
 
-namespace {
-
 PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
                         const at::Generator& generator) {
     return PpoNetwork(PpoNetworkConfig{.encoder = settings.network.encoder_for(spec),
@@ -97,6 +94,8 @@ PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
                                        .layer_norm = settings.network.layer_norm},
                       num_actions(spec.action_space), generator, action_box(spec.action_space));
 }
+
+namespace {
 
 /// The same values in every call.
 PpoNetwork initial_network(const OnPolicySettings& settings, const AgentSpec& spec) {
@@ -186,7 +185,7 @@ class OnPolicy final : public Agent {
 
     std::optional<AgentPolicy> policy() const override {
         if (learning_.valid()) learning_.wait();
-        return policy_of_network(state_.network, /*samples=*/true, epsilon(ActMode::evaluate).value_or(0));
+        return policy_of(state_.network, /*samples=*/true, epsilon(ActMode::evaluate).value_or(0));
     }
 
     TensorMap state() override {
@@ -430,20 +429,6 @@ void check_settings(const OnPolicySettings& settings, const AgentSpec& spec) {
 
 std::string_view schedule_over_run(const OnPolicySettings& settings) {
     return settings.anneal_learning_rate && settings.anneal_steps == 0 ? "agent.anneal_learning_rate" : "";
-}
-
-void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available) {
-    const auto network = make_network(settings, spec, no_values());
-    const auto beside_network = memory_beside(
-        {parameter_bytes(*network), /*target=*/spec.overlap, "agent.hidden_units or agent.hidden_layers"},
-        spec, available);
-    const auto own = [&](std::int64_t steps) { return steps * spec.num_envs / EnvShare(spec).all; };
-    const auto left = memory_beside_batch({*network, network->acting}, own(settings.minibatch_size), spec,
-                                          beside_network, "agent.minibatch_size");
-    // A second time where a checkpoint is written, and with overlap a third, to learn from.
-    const auto rollout = (spec.overlap ? 3 : 2) * own(settings.rollout_steps) * spec.observation.stack *
-                         spec.observation.frame_size();
-    if (rollout > left) refuse_memory("the rollout", rollout, left, "lower agent.rollout_steps");
 }
 
 }  // namespace cale

@@ -92,6 +92,10 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
     fields(settings.epsilon, visit);
 }
 
+/// Returns the network of an agent; without values for no_values().
+PpoNetwork make_network(const OnPolicySettings& settings, const AgentSpec& spec,
+                        const at::Generator& generator);
+
 /// B steps of a rollout.
 struct RolloutBatch {
     torch::Tensor observation;      // [B, stack, ...] uint8
@@ -150,7 +154,5 @@ std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSp
 void check_settings(const OnPolicySettings& settings, const AgentSpec& spec);
 /// See AgentSpec: the learning rate's schedule, unless anneal_steps is set.
 std::string_view schedule_over_run(const OnPolicySettings& settings);
-/// See AgentSpec. Names what is too large and the settings to lower.
-void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available);
 
 }  // namespace cale

@@ -96,16 +96,15 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
         const auto count = observations.size(0), axes = box.centre.size(0);
-        if (now.training() && now.epsilon >= 1) return uniform_actions(box, count, now.random);  // warm-up
-        const bool draws = now.training() || config.sampled_evaluation;
+        if (now.training && now.epsilon >= 1) return uniform_actions(box, count, now.random);  // warm-up
+        const bool draws = now.training || config.sampled_evaluation;
         const auto noise = draws ? torch::randn({count, axes}, now.random) : torch::Tensor();
         const auto policy = acting()->policy(acting()->encoder->trunk(observations));
         const auto actions = draws ? sample(policy, noise.to(observations.device()), network->box).action
                                    : mean_action(policy, network->box);
         require_finite(actions);
         if (!now.draws_epsilon) return actions.cpu();
-        return epsilon_greedy(actions.cpu(), now.epsilon, now.training() ? box : action_box(space),
-                              now.random);
+        return epsilon_greedy(actions.cpu(), now.epsilon, now.training ? box : action_box(space), now.random);
     }
 
     SacLosses learn(const Batch& batch, const at::Generator& random, bool with_actor = true) {

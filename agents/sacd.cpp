@@ -93,12 +93,12 @@ struct Sacd : ActorCriticState<SacdNetwork> {
           target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        if (now.training() && now.epsilon >= 1)  // warm-up
+        if (now.training && now.epsilon >= 1)  // warm-up
             return torch::randint(0, num_actions, {observations.size(0)}, now.random, torch::kInt64);
         const auto log_pi = acting()->log_policy(acting()->encoder->trunk(observations));
         require_finite(log_pi);
         const auto actions =
-            now.training() || config.sampled_evaluation
+            now.training || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
         if (!now.draws_epsilon) return actions;

@@ -10,7 +10,7 @@
 #include <torch/nn/module.h>
 #include <torch/types.h>
 
-#include "agents/agent.h"
+#include "networks/layers.h"
 
 namespace cale {
 

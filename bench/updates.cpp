@@ -26,7 +26,7 @@ constexpr std::int64_t kActions = 18;
 /// Every call of the result launches `update` as training does: on a CUDA device as one graph, after the
 /// first few.
 Update launched(const Computation& how, Update update) {
-    const auto step = std::make_shared<CapturedUpdate>(how.device, std::vector<at::Generator>{});
+    const auto step = std::make_shared<CapturedUpdate>(how.device, at::Generator());
     return [step, update = std::move(update)] { (*step)(update); };
 }
 

@@ -79,8 +79,10 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
                                         float sticky_probability, std::uint32_t seed) {
     check_rom(game, rom_file);
     if (game.rom == "double_dunk" && sticky_probability > kMostStickyMenu) {
+        std::ostringstream probability;
+        probability << sticky_probability;
         throw std::invalid_argument(
-            "sticky_probability is " + std::to_string(sticky_probability) +
+            "env.sticky_probability is " + probability.str() +
             ": Double Dunk's menu, which ALE works with sticky actions in every reset, needs 0.99 or less");
     }
     // The logger is shared by all of ALE, so it is configured once.

@@ -92,7 +92,8 @@ void fields(EnvConfig& config, Visit&& visit) {
           "coordinates of the continuous joystick; polar: (r, theta, fire), the paper's; cartesian: (x, y, "
           "fire); direction: (cos theta, sin theta, r, fire); factored: x and y three ways each, fire two, "
           "for agents that choose among actions; paddle: (position, fire), those of env.paddle=absolute");
-    visit("threshold", config.threshold, Range{0, 1}, "tau: how far the joystick must be pushed to count");
+    visit("threshold", config.threshold, Range{0, 1},
+          "tau: how far the joystick must be pushed to count, as a part of its radius");
     visit("event_map", config.event_map,
           "symmetric: the paper's nine zones; ale_0_10: the map of ALE 0.10-0.11, without a centre");
     visit("paddle_strength", config.paddle_strength,
@@ -104,7 +105,7 @@ void fields(EnvConfig& config, Visit&& visit) {
     visit("sticky_probability", config.sticky_probability, Range{0, 1},
           "probability that a frame repeats the action before");
     visit("terminal_on_life_loss", config.terminal_on_life_loss,
-          "a lost life ends the agent's episode (the game goes on)");
+          "a lost life ends the agent's episode (the game continues)");
     visit("frame_skip", config.frame_skip, Range{1, 64}, "emulated frames per agent step");
     visit("frame_stack", config.frame_stack, Range{1, 64},
           "newest screens, or bytes of memory, that an observation holds");

@@ -102,6 +102,23 @@ std::string canonical(std::string_view name) {
     return result;
 }
 
+/// What may be meant by a name that is no game's: those of which it is a part, or the nearest.
+std::string suggestion(const std::string& wanted) {
+    std::vector<std::string> names, meant;
+    for (const Game& game : kGames) {
+        names.push_back(canonical(game.name));
+        if (names.back().find(wanted) != std::string::npos) meant.emplace_back(game.rom);
+    }
+    if (const auto name = nearest(wanted, names); meant.empty() && !name.empty()) {
+        const auto found = std::ranges::find(names, name) - names.begin();
+        meant.emplace_back(kGames[static_cast<std::size_t>(found)].rom);
+    }
+    if (meant.empty() || meant.size() > 3) return "; cale games lists all " + std::to_string(kGames.size());
+    std::string text = "; did you mean " + meant.front();
+    for (std::size_t i = 1; i < meant.size(); ++i) text += (i + 1 < meant.size() ? ", " : " or ") + meant[i];
+    return text + "?";
+}
+
 }  // namespace
 
 std::span<const Game> games() {
@@ -122,11 +139,10 @@ const Game& find_game(std::string_view name) {
     if (wanted.empty())
         throw std::invalid_argument("there is no game '" + std::string(name) + "': name one of the " +
                                     std::to_string(kGames.size()) + ", such as pong");
-    const auto distance = [&wanted](const Game& game) { return edit_distance(wanted, canonical(game.name)); };
-    const auto& nearest = *std::ranges::min_element(kGames, {}, distance);
-    if (distance(nearest) == 0) return nearest;
-    throw std::invalid_argument("there is no game '" + std::string(name) + "': the nearest of the " +
-                                std::to_string(kGames.size()) + " is " + std::string(nearest.rom));
+    const auto found =
+        std::ranges::find(kGames, wanted, [](const Game& game) { return canonical(game.name); });
+    if (found != kGames.end()) return *found;
+    throw std::invalid_argument("there is no game '" + std::string(name) + "'" + suggestion(wanted));
 }
 
 std::vector<const Game*> games_of(std::string_view names) {

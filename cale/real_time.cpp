@@ -20,7 +20,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// What the agent has not been told yet: up to the end of an episode, or up to now.
+/// What the agent does not know yet: up to the end of an episode, or up to now.
 struct News {
     StepResult result{};
     Bytes observation{}, final_observation{};
@@ -173,7 +173,7 @@ struct RealTimeGame::Impl {
     Env env;  // of the console's thread, once it runs
     FrameClock clock;
     Watch watch;
-    Bytes observation;        // likewise
+    Bytes observation;        // the same
     Bytes first_observation;  // of the first game
 
     mutable std::mutex mutex;  // of all below

@@ -1,31 +1,20 @@
 // Text functions for reading names and tables.
 #pragma once
 
-#include <charconv>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <vector>
+
+#include "cale/number.h"
 
 namespace cale {
 
 /// Returns the parts between the separators: one more than there are separators; any may be empty.
 std::vector<std::string> split(std::string_view text, char separator);
-
-/// Returns the number that the whole text represents; none if it is not a number, or does not fit.
-template <class Number>
-std::optional<Number> number_in(std::string_view text) {
-    Number number{};
-    const char* const end = text.data() + text.size();
-    const auto [stopped, error] = std::from_chars(text.data(), end, number);
-    if (error != std::errc{} || stopped != end) return std::nullopt;
-    return number;
-}
 
 /// Returns "1 run", or "3 runs".
 std::string counted(std::integral auto count, std::string_view noun) {

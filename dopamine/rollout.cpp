@@ -66,7 +66,7 @@ void DopamineRollout::store_step(const torch::Tensor& actions, std::span<const S
         }
         // An episode's end may store more than fits: the reference drops its oldest element and moves the one
         // that has just come into the gap, so that the surplus comes to lie in front.
-        elements_[surplus_++] = std::move(element);
+        elements_.at(surplus_++) = std::move(element);
     });
     steps = static_cast<std::int64_t>(elements_.size());
     if (full()) lay_out_elements();

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include <ATen/Parallel.h>
 #include <fmt/format.h>
 #include <torch/types.h>
 

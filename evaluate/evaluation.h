@@ -11,11 +11,11 @@
 #include <string_view>
 #include <vector>
 
-#include "agents/agent.h"
+#include <torch/types.h>
+
 #include "cale/env.h"
 #include "cale/frames.h"
 #include "evaluate/event_counts.h"
-#include "settings/run_config.h"
 #include "world/world.h"
 
 namespace cale {

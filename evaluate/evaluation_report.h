@@ -5,7 +5,7 @@
 #include <string>
 
 #include "evaluate/evaluation.h"
-#include "policy/torch/policy.h"
+#include "policy/policy_info.h"
 
 namespace cale {
 

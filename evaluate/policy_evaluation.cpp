@@ -42,14 +42,15 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != (policy.action_space == "continuous")) {
         throw std::invalid_argument(
-            fmt::format("this policy was trained with env.action_space={}, so it cannot act in one of {}",
+            fmt::format("this policy was trained with env.action_space={} and cannot act with {}: leave "
+                        "env.action_space out",
                         policy.action_space, name_of(env.action_space)));
     }
     if (const auto joystick = coordinates(env); continuous && joystick != policy.joystick) {
         const bool paddle = joystick == Joystick::paddle || policy.joystick == Joystick::paddle;
-        throw std::invalid_argument(fmt::format(
-            "this policy was trained with env.joystick={} and cannot act in one of {}: leave {} out",
-            name_of(policy.joystick), name_of(joystick), paddle ? "env.paddle" : "env.joystick"));
+        throw std::invalid_argument(
+            fmt::format("this policy was trained with env.joystick={} and cannot act with {}: leave {} out",
+                        name_of(policy.joystick), name_of(joystick), paddle ? "env.paddle" : "env.joystick"));
     }
     if (env.frame_stack != policy.stack) {
         throw std::invalid_argument(fmt::format(

@@ -14,7 +14,7 @@
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
-#include "cale/text.h"
+#include "cale/number.h"
 #include "parallel/device_backend.h"
 
 namespace cale {

@@ -109,7 +109,7 @@ void count(EvaluatedGame& game, Scene& scene, const StepResult& result) {
     scene.episode_return = game.episode_return;
 }
 
-/// One game. Returns the command that ended it before its end.
+/// One game. Returns the command that ended it before its end, and quit with which it ended.
 Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& show) {
     const auto space = observation_space(plan.env);
     std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));
@@ -118,6 +118,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
     stack.push(0, frame);
     EvaluatedGame game;
     Scene scene = scene_of(plan.env, frame);
+    Command command = Command::none;
     for (StepResult result; !result.episode_over;) {
         if (plan.decide) {
             const auto actions = choose(plan, stack, number, scene);
@@ -129,12 +130,12 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
         stack.follow(0, result, frame);
         count(game, scene, result);
         scene.stick = env.stick();
-        const Command command = show.present(env, scene);
+        command = show.present(env, scene);
         if (plan.stepped) plan.stepped(game);
-        if (command != Command::none) return command;
+        if (command != Command::none && !result.episode_over) return command;
     }
     if (plan.ended) plan.ended(game);
-    return Command::none;
+    return command == Command::quit ? command : Command::none;
 }
 
 /// What the console's thread showed last.
@@ -209,12 +210,14 @@ RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {
         // So that a film is as long as the games.
         const auto pictures = counts.frames / env.frame_skip - filmed;
         filmed += pictures;
-        if (show.present(screen.picture(scene), scene, pictures) == Command::quit) break;
+        const bool quits = show.present(screen.picture(scene), scene, pictures) == Command::quit;
         if (plan.stepped) plan.stepped(so_far);
-        if (!result.episode_over) continue;
-        if (plan.ended) plan.ended(so_far);
-        so_far = {};
-        ++number;
+        if (result.episode_over) {
+            if (plan.ended) plan.ended(so_far);
+            so_far = {};
+            ++number;
+        }
+        if (quits) break;
     }
     const auto metrics = game.metrics();
     counts.missed_frames = static_cast<std::int64_t>(metrics.at("realtime/missed_frames"));

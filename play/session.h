@@ -25,7 +25,7 @@ struct PlayPlan {
     Decide decide{};  // empty: the player plays
     std::uint64_t seed = 1;
     std::int64_t games = kNoLimit;  // it ends after these, or when the player quits
-    double speed = 1;               // times that of the console; 0: as fast as it goes
+    double speed = 1;               // times that of the console; 0: as fast as it can; none with real_time
     bool real_time = false;         // the console waits for nobody: see RealTimeGame
     std::filesystem::path video{};  // an MP4 file of all that is shown; empty: none
     std::function<void(const EvaluatedGame& game)> ended{};  // called after each game that came to its end
@@ -36,7 +36,7 @@ struct PlayPlan {
 struct RealTimeCounts {
     std::int64_t frames = 0;         // played
     std::int64_t missed_frames = 0;  // of these, see RealTimeGame::metrics()
-    std::int64_t late_frames = 0;    // likewise
+    std::int64_t late_frames = 0;    // the same
 };
 
 /// Plays game after game, a picture per agent step. While it is paused nothing is filmed; in real time there

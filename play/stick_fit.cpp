@@ -253,7 +253,13 @@ struct StepResponse {
     std::vector<Event> events;                          // of each frame
 };
 
+/// Frames rounded up to whole agent steps: a stick is commanded once in each.
+std::int64_t whole_steps(const EnvConfig& env, std::int64_t frames) {
+    return (frames + env.frame_skip - 1) / env.frame_skip * env.frame_skip;
+}
+
 StepResponse step_response(const EnvConfig& env, std::int64_t frames_held) {
+    frames_held = whole_steps(env, frames_held);
     auto motion = env.motion;
     motion.action_latency.low = motion.action_latency.high;
     std::mt19937 random(1);
@@ -354,10 +360,11 @@ Picture step_response_picture(const EnvConfig& env, std::int64_t frames_held) {
         if (text_width(name, 11) < right - left)
             picture.words.push_back({name, {(left + right) / 2, top + 19}, kInk, 11, Anchor::middle});
     }
-    finish_picture(picture, top + kStrip + 6,
-                   fmt::format("Frames of 1/60 s. {}. Commanded to the right with the button for {} frames, "
-                               "then back to the centre. Below: the event that the console sees.",
-                               settings.empty() ? "CALE's own joystick" : settings, frames_held));
+    finish_picture(
+        picture, top + kStrip + 6,
+        fmt::format("Frames of 1/60 s. {}. Commanded to the right with the button for {} frames, "
+                    "then back to the centre. Below: the event that the console sees.",
+                    settings.empty() ? "CALE's own joystick" : settings, whole_steps(env, frames_held)));
     return picture;
 }
 

@@ -29,7 +29,8 @@ struct StickLog {
 /// 0.05 radii, or the log is shorter than half a second or longer than 600 s.
 StickLog read_stick_log(const std::filesystem::path& csv);
 
-/// Returns where a stick that moves so is in each frame of the log, which begins at rest in the centre.
+/// Returns where a stick that moves so is in each frame of the log, which begins at rest in the centre. The
+/// motion must have passed check().
 std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& commanded);
 
 struct FittedStick {

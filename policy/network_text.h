@@ -13,7 +13,7 @@ std::string network_text(const NetworkSpec& network);
 
 /// Reads what network_text() wrote. Throws FileDamage, one sentence, for any other text, for layers that do
 /// not fit together, and for a network that exceeds the limits on memory and time: 2^26 numbers in all layers
-/// for one observation, 2^34 multiplications in its convolutions.
+/// for one observation, 2^34 multiplications and comparisons in its convolutions and poolings.
 NetworkSpec parse_network(std::string_view text);
 
 /// Throws FileDamage as parse_network() does for layers that do not fit together or are too large.

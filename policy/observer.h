@@ -39,8 +39,8 @@ class Observer {
     /// does.
     void see(std::span<const std::uint8_t> screen);
     /// Must be called when a life was lost in the newest frame. Where that ends an episode
-    /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of the newest frame
-    /// only.
+    /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of one frame only:
+    /// of the last screens that count.
     void lose_life();
 
     /// Whether a decision is due: at the start, then after every frame_skip frames.

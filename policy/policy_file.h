@@ -33,7 +33,7 @@ struct PolicyFile {
 PolicyFile parse_policy_file(std::string_view contents);
 
 /// The contents that parse_policy_file() reads to `policy`. Throws std::invalid_argument for texts that are
-/// not UTF-8 and for provenance under a name reserved by the format.
+/// not UTF-8 and for provenance under a name reserved by the format, std::out_of_range for a missing weight.
 std::string policy_file_contents(const PolicyFile& policy);
 
 /// The metadata of those contents, but for the checksum.

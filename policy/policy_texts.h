@@ -17,8 +17,8 @@ using Texts = std::map<std::string, std::string>;
 /// All but the provenance.
 Texts texts_of(const PolicyInfo& info, const NetworkSpec& network);
 
-/// Removes the texts of version 1 or 2 from `texts`, leaving the provenance. Throws FileDamage, naming the
-/// first text that is missing or invalid, and for texts that contradict each other.
+/// Removes the texts of version 1, or 2 for all later ones, from `texts`, leaving the provenance. Throws
+/// FileDamage, naming the first text that is missing or invalid, and for texts that contradict each other.
 void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network);
 
 // Each removes one text. Throws FileDamage if it is missing or, except for take_text(), invalid.

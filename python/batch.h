@@ -75,7 +75,7 @@ class Batch {
     std::int64_t size() const { return config_.num_envs; }               // N
     const EnvConfig& config() const { return config_; }                  // as given
     const ActionSpace& action_space() const { return actions_; }         // of one environment
-    const ObservationSpace& observation_space() const { return seen_; }  // likewise
+    const ObservationSpace& observation_space() const { return seen_; }  // the same
     const std::vector<Event>& events() const { return events_; }         // of discrete actions, by number
     /// Whether StepArrays::stick can be asked for: the joystick moves.
     bool has_stick() const;

@@ -109,7 +109,7 @@ Batch ReplayBuffer::gather(std::span<const std::int64_t> positions) const {
                                     std::to_string(size()));
         copy(position, batch, row++);
     }
-    if (mirror_) mirror_->gather(*ring_, batch);
+    if (mirror_ && row > 0) mirror_->gather(*ring_, batch);
     return batch;
 }
 

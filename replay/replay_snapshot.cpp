@@ -180,14 +180,13 @@ void save_chunks(const fs::path& folder, const Ring& ring, std::int64_t begin, s
         if (chunk.full && take_over && take_over(file)) return;
         save_chunk(folder / file, ring, chunk, for_each_array);
     });
-    hold.release();
 }
 
 }  // namespace
 
 void ReplaySnapshot::Release::operator()(FrameRing* ring) const {
-    ring->held_frames.release();
     ring->held_transitions.release();
+    ring->held_frames.release();  // from here on there may be another snapshot, which has holds of its own
 }
 
 ReplaySnapshot::ReplaySnapshot(Replay& replay)
@@ -203,15 +202,16 @@ void ReplaySnapshot::save(const fs::path& folder, const TakeOver& take_over) {
     save_chunks(folder, transitions_ring(*ring_), state_.transitions_begin, state_.transitions_end,
                 ring_->held_transitions, take_over,
                 [&](const auto& visit) { ring_->for_each_transition_array(visit); });
+    ring_->held_transitions.release();
     save_chunks(folder, frames_ring(*ring_), frames_begin_, state_.frames_end, ring_->held_frames, take_over,
                 [&](const auto& visit) { ring_->for_each_frame_array(visit); });
+    ring_.reset();
 
     ReplayFileWriter file((folder / kStateFile).string(), kStateMagic, kVersion);
     const Saving saving{file};
     for (const ReplayConfigEntry& entry : entries(config_)) saving(&entry.value, 1);
     exchange_state(state_, config_, saving);
     file.commit();
-    ring_.reset();  // a later snapshot's holds are its own
 }
 
 void save_replay(Replay& replay, const fs::path& folder) {

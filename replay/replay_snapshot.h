@@ -29,7 +29,7 @@ class ReplaySnapshot {
     using TakeOver = std::function<bool(const std::string& file)>;
 
     /// Captures the current contents. The replay must outlive it. Throws std::logic_error while another
-    /// snapshot exists.
+    /// snapshot still reads the replay.
     explicit ReplaySnapshot(Replay& replay);
 
     /// Writes the files into the folder, which must exist. Must be called at most once. Throws

@@ -42,19 +42,20 @@ std::span<const std::string_view> names_of(Metric);  // "iqm", "median", "mean",
 /// and mean: of the games' means. Optimality gap: by how much scores miss 1, those above not counted.
 using Aggregates = std::array<Estimate, kMetricCount>;
 
-// All functions below throw std::invalid_argument where a game has no run, a score is not finite,
-// there is no game, or no resample is asked for.
-
 /// (score - random) / (human - random): 0 plays like the random agent, 1 like the human.
 /// Throws std::invalid_argument for the games that have no human score.
 double human_normalised(double score, const Game& game);
+
+// All functions below throw std::invalid_argument where a game has no run, a score is not finite, there is no
+// game, no resample is asked for, or the confidence is not between 0 and 1.
 
 Aggregates aggregate(const Scores& scores, const Bootstrap& bootstrap = {});
 
 /// The mean over the runs of one game.
 Estimate mean_of_runs(const std::vector<double>& runs, const Bootstrap& bootstrap = {});
 
-/// For each of the ascending `thresholds`: the part of all runs whose score is greater.
+/// For each of the ascending `thresholds`: the part of all runs whose score is greater. Throws
+/// std::invalid_argument where they do not ascend.
 std::vector<Estimate> performance_profile(const Scores& scores, const std::vector<double>& thresholds,
                                           const Bootstrap& bootstrap = {});
 

@@ -16,7 +16,8 @@ struct Baseline {
     std::map<std::string, double, std::less<>> scores{};  // by Game::name
 };
 
-/// The columns called `names` of a table with a row per game, whose column `game` names it.
+/// The columns called `names` of a table with a row per game, whose column `game` names it. Empty cells and
+/// unknown games are passed over.
 /// Throws std::invalid_argument for a name that is no column, naming the nearest, and
 /// std::runtime_error for a table without the column `game`, with a game twice, or where a score is no
 /// number.

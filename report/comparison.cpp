@@ -476,8 +476,9 @@ void require_runs(const FoundRuns& found) {
     if (found.left_out.empty())
         throw std::runtime_error(
             "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    throw std::runtime_error(fmt::format("none of the {} runs can be used; {}: {}", found.left_out.size(),
-                                         found.left_out.front().what, found.left_out.front().why));
+    throw std::runtime_error(fmt::format("none of the {} can be used; {}: {}",
+                                         counted(found.left_out.size(), "run"), found.left_out.front().what,
+                                         found.left_out.front().why));
 }
 
 bool Comparison::is_complete() const {

@@ -25,9 +25,9 @@ struct GameResult {
     const Game* game = nullptr;
     std::vector<const Run*> runs{};                  // by seed
     Estimate mean{};                                 // of the runs' scores, as the game counts them
-    Curve curve{};                                   // likewise
+    Curve curve{};                                   // the same
     std::vector<double> event_shares{};              // by Event, the mean of the runs'; empty if none has any
-    std::vector<RewardQuantile> reward_quantiles{};  // likewise
+    std::vector<RewardQuantile> reward_quantiles{};  // the mean of the runs'; empty if none has any
     std::vector<ZoneRow> zones{};                    // the mean of the runs, over equal parts of the longest
 };
 
@@ -85,9 +85,11 @@ struct Comparison {
     // What random play scores under the rules of the runs: "random joystick (200m)" as measured for those of
     // the continuous joystick, "random (published)" for the others; on the games of those runs.
     std::vector<Baseline> random_floors{};
-    std::vector<const Game*> games{};  // compared: those with a human score that every group has played
+    // Compared: those with a human score, in their usual variant, that every group has played.
+    std::vector<const Game*> games{};
     std::vector<double> thresholds{};  // of the profiles
-    std::vector<Improvement> improvements{};  // every pair of groups once
+    // Every pair of groups once; of two recorded ones only where all are recorded.
+    std::vector<Improvement> improvements{};
     std::vector<LeftOut> left_out_games{};
     std::vector<LeftOut> left_out_runs{};
     std::vector<LeftOut> repeated_runs{};

@@ -63,7 +63,7 @@ double CsvTable::score(std::size_t row, std::size_t column) const {
 
 namespace {
 
-CsvTable table_of(const std::filesystem::path& path, const std::string& text, bool with_empty_lines) {
+CsvTable table_of(const std::filesystem::path& path, const std::string& text, bool by_hand) {
     CsvTable table{.path = path};
     constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
     std::size_t line_number = 0, start = text.starts_with(kByteOrderMark) ? kByteOrderMark.size() : 0;
@@ -71,13 +71,14 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
         auto line = std::string_view(text).substr(start, end - start);
         if (line.ends_with('\r')) line.remove_suffix(1);
         ++line_number;
-        if (line.empty() && !with_empty_lines) continue;
-        if (line.starts_with('#')) {
-            table.comment = line.substr(1);
+        if (by_hand && line.empty()) continue;
+        const bool in_front = table.columns.empty();
+        if (line.starts_with('#') && (in_front || by_hand)) {
+            if (in_front) table.comment = line.substr(1);
             continue;
         }
         auto cells = cells_of(line);
-        if (table.columns.empty()) {
+        if (in_front) {
             table.columns = std::move(cells);
             continue;
         }
@@ -96,12 +97,12 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
 CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes) {
     auto text = read_file(path);
     text.resize(std::min(bytes, text.size()));
-    return table_of(path, text, /*with_empty_lines=*/true);
+    return table_of(path, text, /*by_hand=*/false);
 }
 
 CsvTable read_csv_by_hand(const std::filesystem::path& path) {
     const auto text = read_file(path);
-    auto table = table_of(path, text + '\n', /*with_empty_lines=*/false);
+    auto table = table_of(path, text + '\n', /*by_hand=*/true);
     if (!text.ends_with('\n')) table.cut_line = 1 + static_cast<std::size_t>(std::ranges::count(text, '\n'));
     return table;
 }

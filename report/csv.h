@@ -38,14 +38,14 @@ CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes = std::st
 /// read_csv() for a file that is written at once. Throws std::runtime_error where it ends within a line, too.
 CsvTable read_whole_csv(const std::filesystem::path& path);
 
-/// read_csv() for a table that a person wrote: empty lines are passed over, and a last line without its end
-/// is both a row and the cut_line.
+/// read_csv() for a table that a person wrote: empty lines and those that start with '#' are passed over, and
+/// a last line without its end is both a row and the cut_line.
 CsvTable read_csv_by_hand(const std::filesystem::path& path);
 
 /// Throws std::runtime_error for a table whose file ends within a line.
 void require_whole(const CsvTable& table);
 
-/// A line of a table: cells with a comma, a quote or a line break are quoted.
+/// A line of a table: cells with a comma, a quote or a line break, or that start with '#', are quoted.
 std::string csv_line(const std::vector<std::string>& cells);
 
 }  // namespace cale

@@ -19,15 +19,17 @@ struct Group {
 /// with the settings that tell it from the agent's other groups; where more than three are needed, a
 /// number, and differing_settings() tells more. Recorded runs keep the name of their group. With `keys`
 /// ("agent", "agent.encoder", or "encoder" for short): runs that agree in these are a group, whatever else
-/// differs. Throws std::invalid_argument for a key that no run has, naming those in which the runs differ.
+/// differs. Throws std::invalid_argument for a key that no run has, naming those in which the runs differ,
+/// for a short one that may be several, and for the game and the seed.
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
 
 /// Returns whether the group's runs are rows of a table (recorded_runs.h).
 bool is_recorded(const Group& group);
 
-/// Gives groups the names to which `names` maps their labels, and sorts them again. Throws
-/// std::invalid_argument for a label that no group has, naming those that there are, and where two groups
-/// then have the same name. Where a recorded group has the label of one of the user's, the latter is meant.
+/// Gives groups the names to which `names` maps their labels, and sorts them again, recorded ones last.
+/// Throws std::invalid_argument for a label that no group has, naming those that there are, and where two
+/// groups then have the same name. Where a recorded group has the label of one of the user's, the latter is
+/// meant.
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names);
 
 /// The runs without which not every group has been trained on every game with every seed that any of them
@@ -45,9 +47,10 @@ struct SettingRow {
 
 /// All settings by key; a group without one has an empty value.
 std::vector<SettingRow> all_settings(const std::vector<Group>& groups);
-/// The settings that every group has and in which groups differ.
+/// The settings that every group has, none of them empty, and in which groups differ.
 std::vector<SettingRow> differing_settings(const std::vector<Group>& groups);
-/// Those that every group has, with the same value or, where its runs differ, the same values.
+/// Those that every group has, none of them empty, with the same value or, where its runs differ, the same
+/// values.
 std::vector<SettingRow> shared_settings(const std::vector<Group>& groups);
 
 }  // namespace cale

@@ -28,7 +28,7 @@ std::string svg_points(const std::vector<Point>& points) {
     return text;
 }
 
-/// What a page's script is told of an element.
+/// What a page's script gets to know of an element.
 std::string data_of(const Belonging& of) {
     return (of.series < 0 ? "" : fmt::format(" data-series=\"{}\"", of.series)) +
            (of.panel < 0 ? "" : fmt::format(" data-panel=\"{}\"", of.panel));

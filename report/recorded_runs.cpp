@@ -124,11 +124,16 @@ std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std
         const auto& cells = table.rows[row];
         if (std::ranges::find(groups, cells[group]) == groups.end()) continue;
         auto& run = runs[{cells[group], natural(table, row, number)}];
+        const auto& played = game_in(table, row, game);
+        const auto its_seed = natural(table, row, seed);
+        if (run.game != nullptr && (run.game != &played || run.agent != cells[agent] || run.seed != its_seed))
+            throw std::runtime_error(fmt::format("{}:{}: the agent, the game and the seed of a run change",
+                                                 table.path.string(), table.lines[row]));
         run.folder = table.path;
         run.recorded_as = cells[group];
         run.agent = cells[agent];
-        run.game = &game_in(table, row, game);
-        run.seed = natural(table, row, seed);
+        run.game = &played;
+        run.seed = its_seed;
         run.total_steps = table.number(row, total);
         if (!run.steps.empty() && table.number(row, step) <= run.steps.back())
             throw std::runtime_error(fmt::format("{}:{}: the steps of a run do not ascend",

@@ -21,7 +21,7 @@ std::string recorded_runs_csv(const Comparison& comparison);
 std::vector<std::string> recorded_groups(const CsvTable& table);
 
 /// Returns the runs of these groups, with Run::recorded_as set. Throws as recorded_groups() does, and where a
-/// cell is no number or no game, or the steps of a run do not ascend.
+/// cell is no number or no game, the steps of a run do not ascend, or its agent, game or seed change.
 std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std::string>& groups);
 
 }  // namespace cale

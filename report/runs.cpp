@@ -74,11 +74,12 @@ nlohmann::ordered_json read_object(const fs::path& path) {
     return object;
 }
 
-/// What metadata.json and the first line of episodes.csv say; the former wins.
+/// What metadata.json and the first line of episodes.csv say; the former wins. The settings must be read.
 void read_identity(Run& run, const EpisodeHistory& episodes) {
     std::string env_id = episodes.env_id;
     run.agent = episodes.agent;
-    run.seed = episodes.seed.value_or(0);
+    const auto set = number_in<std::uint64_t>(setting_of(run, "train.seed"));
+    run.seed = episodes.seed.value_or(set.value_or(0));
     const auto path = run.folder / "metadata.json";
     if (fs::exists(path)) {
         const auto metadata = read_object(path);

@@ -49,16 +49,16 @@ struct Run {
     std::vector<double> steps{};
     std::vector<double> scores{};
     std::int64_t games_in_score = 0;  // behind the last score
-    bool finished = false;            // whether it took all the steps that it was to take
-    double reached = 0;               // agent steps that it took, or that were evaluated, as its files say
-    double total_steps = 0;           // that it was to take; 0: not known
-    bool in_sweep_list = false;       // see FoundRuns::missing
+    bool finished = false;       // whether it took all the steps that it was to take, where these are known
+    double reached = 0;          // agent steps that it took, or that were evaluated, as its files say
+    double total_steps = 0;      // that it was to take; 0: not known
+    bool in_sweep_list = false;  // see FoundRuns::missing
     // Why the score may not be what it is called: sentences that name the file.
     std::vector<std::string> doubts{};
-    // By Event, adding up to 1: of all its training or of its newest evaluation, as the score is. Empty
-    // where none was recorded.
+    // By Event, adding up to 1: of all its training or of the newest evaluation that recorded them, as the
+    // score is. Empty where none was recorded.
     std::vector<double> event_shares{};
-    std::vector<RewardQuantile> reward_quantiles{};  // of its newest evaluation
+    std::vector<RewardQuantile> reward_quantiles{};  // of the newest evaluation that recorded them
     std::vector<ZoneRow> zones{};                    // of its training; empty where none were recorded
 
     double score() const { return scores.back(); }

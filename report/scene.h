@@ -36,7 +36,8 @@ struct Scene {
 /// The game three times as large; beside it what the agent sees, and its joystick: the stick in the
 /// unit disc with the lines beyond which it counts, or the way of a paddle, the fire button, the event, the
 /// return so far, the value. A stick that moves has a ring in its commanded position. Every scene of the same
-/// screen size gives an image of the same, even, size.
+/// screen size gives an image of the same, even, size. Throws std::invalid_argument for a screen or an
+/// observation of another size.
 Image compose_frame(const Scene& scene);
 /// The same with the screen of `env`, whatever `scene` has for one.
 Image compose_frame(const Env& env, Scene scene);

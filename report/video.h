@@ -15,7 +15,8 @@ class VideoWriter {
   public:
     /// `width` and `height` of the frames that will be given, each of whose pixels becomes
     /// `scale` x `scale`; the film's sides must be even. Throws std::invalid_argument for an
-    /// impossible size and std::system_error, with the file and the reason, if it cannot be written.
+    /// impossible size or a name that does not end in .mp4, std::system_error, with the file and the reason,
+    /// if it cannot be written, and std::runtime_error where OpenCV has no encoder.
     VideoWriter(const std::filesystem::path& path, int width, int height, double frames_per_second,
                 int scale = 3);
     /// Closes the file without checking that it is complete.
@@ -23,7 +24,7 @@ class VideoWriter {
     VideoWriter(VideoWriter&&) noexcept;
     VideoWriter& operator=(VideoWriter&&) noexcept;
 
-    /// height x width x RGB.
+    /// height x width x RGB. Throws std::invalid_argument for another size.
     void write(std::span<const std::uint8_t> rgb);
     /// Finishes the film and reads it back. Throws std::runtime_error if frames are missing, as they
     /// are when the disk is full: std::system_error where the system says why.

@@ -1,7 +1,8 @@
 #include "settings/command_line.h"
 
+#include <algorithm>
 #include <filesystem>
-#include <iostream>
+#include <ostream>
 #include <string_view>
 #include <system_error>
 
@@ -84,6 +85,13 @@ std::int64_t agent_step(const std::string& until) {
 
 std::string unknown_option(std::string_view argument, const ConfigTable& table) {
     const auto name = argument.substr(0, argument.find('='));
+    std::string word(name.substr(std::min(name.size(), name.find_first_not_of('-'))));
+    std::ranges::replace(word, '-', '_');
+    for (const auto& entry : table.entries()) {
+        if (word == entry.key || entry.key.ends_with("." + word))
+            return fmt::format("unknown option '{}'; settings are given as KEY=VALUE: {}={}", name, entry.key,
+                               entry.get());
+    }
     std::vector<std::string> names;
     for (const auto& option : train_options(table)) names.emplace_back(option.name);
     return fmt::format("unknown option '{}'{}", name, did_you_mean(name, names));
@@ -196,8 +204,10 @@ void load(ConfigTable& table, const std::filesystem::path& file) {
         if (!std::filesystem::is_regular_file(file, ignored)) throw;
         const auto programs = programs_that_take(file);
         if (programs.empty()) throw;
-        throw ConfigError(
-            fmt::format("{}; this is a configuration of {}", error.what(), fmt::join(programs, " or ")));
+        const std::string_view what = error.what();
+        throw ConfigError(fmt::format("{}; this is a configuration of {}",
+                                      what.substr(0, what.find("; did you mean")),  // a key of this program
+                                      fmt::join(programs, " or ")));
     }
 }
 
@@ -305,8 +315,10 @@ std::string help_text(std::string_view program, std::string_view description, co
         text += two_columns(fmt::format("{} {}", option.name, option.value), help, column, width);
     }
     text += '\n';
-    text += wrap("settings, as KEY=VALUE on the command line; in a file as 'name: value' below 'section:'", 0,
-                 width);
+    text += wrap(
+        "settings, as KEY=VALUE on the command line, such as train.total_steps=1e6; in a file as 'name: "
+        "value' below 'section:'",
+        0, width);
     std::string_view section;
     for (const auto& entry : table.entries()) {
         const auto entry_section = std::string_view(entry.key).substr(0, entry.key.find('.'));
@@ -345,11 +357,6 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
         if (arguments.print_config) print_configs(program, arguments, table, out);
     }
     return line;
-}
-
-CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
-                               int argc, const char* const* argv) {
-    return parse_command_line(program, description, table, argc, argv, std::cout);
 }
 
 }  // namespace cale

@@ -51,10 +51,6 @@ struct CommandLine {
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv, std::ostream& out);
 
-/// The same, writing to the standard output.
-CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
-                               int argc, const char* const* argv);
-
 /// Throws ConfigError where a word is "--option=" without a value: CLI11 would take the next word for it.
 void refuse_empty_values(std::span<const std::string> words);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <stdexcept>
 #include <string>
 #include <type_traits>
 
@@ -48,7 +49,8 @@ void fields(TrainConfig& config, Visit&& visit) {
     visit(
         "overlap", config.overlap,
         "the environments step while the agent learns (PPO: a rollout trains while the next one is filled), "
-        "so that it acts with the parameters from before its newest update; false: the paper's strict order");
+        "so that it acts with the parameters, and explores by the schedule, from before its newest update; "
+        "false: the paper's strict order");
     visit("realtime", config.realtime,
           "the game runs at 60 frames a second and waits for nobody: the agent acts on its newest "
           "observation, and learns while the game continues");
@@ -133,6 +135,11 @@ ConfigTable settings_of(RunConfig<AgentConfig, WorldConfig>& config) {
     table.add("train", config.train);
     table.add("eval", config.eval);
     table.add("log", config.log);
+    table.add_rule([&config] {
+        if (config.train.realtime && config.env.num_envs != 1)
+            throw std::invalid_argument("train.realtime is for one game, and env.num_envs is " +
+                                        std::to_string(config.env.num_envs) + ": set it to 1");
+    });
     table.add_rule([&config] { check_encoder(config.agent, spec_of(config.env, config.train)); });
     if constexpr (requires { check_settings(config.agent, AgentSpec()); })
         table.add_rule([&config] { check_settings(config.agent, spec_of(config.env, config.train)); });

@@ -16,7 +16,7 @@ struct CutFile : std::runtime_error {
 
 /// Every write reaches the operating system before it returns, so that a killed run loses nothing and `tail
 /// -f` shows the newest line. Errors (no such folder, no permission, disk full) throw std::system_error with
-/// the file and the system's reason.
+/// the file and the system's reason; a pipe std::runtime_error.
 class AppendFile {
   public:
     /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
@@ -27,7 +27,7 @@ class AppendFile {
     AppendFile& operator=(AppendFile&& other) noexcept;
 
     void write(std::string_view bytes);
-    /// Returns when everything is on disk.
+    /// Returns when all that was written is on disk; of a new file not its name, see sync_name().
     void sync();
     /// Bytes in the file.
     std::int64_t size() const { return size_; }

@@ -23,10 +23,10 @@ std::string read_file(const std::filesystem::path& path, const StreamLimits& lim
 
 /// Replaces the file `path` by `bytes` atomically: even after a crash or a power cut it holds the old
 /// contents or all of the new ones. They are written and synced under a temporary name in the same folder and
-/// then renamed. Where `path` is a link, that is done to what it points to. Throws std::runtime_error where
-/// it is a device or a pipe, and std::system_error that names `path` and the reason (disk full, ...); the
-/// temporary file is then removed and the old file unchanged, unless it is the renaming that could not be
-/// synced.
+/// then renamed: the file's owner and permissions become those of a new one. Where `path` is a link, that is
+/// done to what it points to. Throws std::runtime_error where it is a device or a pipe, and std::system_error
+/// that names the file and the reason (disk full, ...); the temporary file is then removed and the old file
+/// unchanged, unless it is the renaming that could not be synced.
 void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
 
 /// The same for contents in several pieces.

@@ -21,8 +21,8 @@ using Manifest = std::map<std::string, FileRecord>;  // by the files' names
 /// Returns the record of a file as it is now. Throws std::system_error, naming it.
 FileRecord record_of(const std::filesystem::path& file);
 
-/// Writes the manifest atomically. Must be called last: everything written into the folder before is on disk
-/// when it returns.
+/// Writes the manifest atomically. Must be called last, when the files' contents are synced: their names are
+/// then on disk, too.
 void write_manifest(const std::filesystem::path& folder, const Manifest& manifest);
 
 /// Throws std::runtime_error, saying what is wrong, for a folder without one, or of another format.

@@ -11,7 +11,8 @@ class NewFolder {
   public:
     /// Throws std::filesystem::filesystem_error if it cannot be created. It may exist.
     explicit NewFolder(const std::filesystem::path& path);
-    /// Creates `path`, or if that exists `path`_2, `path`_3, ...: no other process gets the same folder.
+    /// Creates `path`, or if there is such a folder `path`_2, `path`_3, ...: no other process gets the same
+    /// one. Must have no slash at its end. Throws std::filesystem::filesystem_error.
     static NewFolder with_a_free_name(const std::filesystem::path& path);
     ~NewFolder();
     NewFolder(NewFolder&& other) noexcept;

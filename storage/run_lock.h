@@ -15,8 +15,8 @@ struct FolderTaken : std::runtime_error {
 /// released when the process ends for any reason. No effect on file systems without locks.
 class RunLock {
   public:
-    /// Throws FolderTaken, naming the folder and the process that trains in it, or std::system_error, why the
-    /// file cannot be written.
+    /// Throws FolderTaken, naming the folder and, where it is known, the process that trains in it, or
+    /// std::system_error, why the file cannot be written.
     explicit RunLock(const std::filesystem::path& run_dir);
     ~RunLock();
     RunLock(const RunLock&) = delete;

@@ -17,12 +17,13 @@ std::string step_name(std::int64_t step);
 /// for another name.
 std::optional<std::int64_t> step_in(const std::filesystem::path& path, std::string_view ending = "");
 
-/// Returns what the folder holds under such names, oldest first; nothing if there is no folder.
+/// Returns what the folder holds under such names, oldest first; nothing if there is no folder. Throws
+/// std::filesystem::filesystem_error where it cannot be read.
 std::vector<std::filesystem::path> named_by_step(const std::filesystem::path& folder,
                                                  std::string_view ending = "");
 
 /// Returns the largest step among the names with this ending in the folder; none if there is no such name, or
-/// no folder.
+/// no folder that can be read.
 std::optional<std::int64_t> newest_step(const std::filesystem::path& folder, std::string_view ending = "");
 
 }  // namespace cale

@@ -26,11 +26,13 @@ struct ChildSettings {
 
 /// Starts a program. The child has a process group of its own, so that Ctrl-C at the terminal reaches it
 /// through its parent alone, and gets SIGTERM when the thread that called this dies, however it dies. It
-/// inherits the descriptors that are open without O_CLOEXEC. Exit code 127: there is no such program.
+/// inherits the descriptors that are open without O_CLOEXEC. Exit code 127: there is no such program,
+/// or the caller died first.
 /// Throws std::system_error.
 pid_t start_child(const std::vector<std::string>& command, const ChildSettings& settings);
 
-/// Returns how the child ended; none while it runs. Do not call again after it has returned an end.
+/// Returns how the child ended; none while it runs. Must not be called again after it has returned an end.
+/// Throws std::system_error.
 std::optional<ChildEnd> poll_child(pid_t child);
 
 /// Returns the descriptor, or in its place one above the standard streams, which a child opens for itself:

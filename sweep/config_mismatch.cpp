@@ -106,7 +106,7 @@ std::string refused_lines(std::span<const PlannedRun> runs, const fs::path& fold
     std::string lines;
     for (const auto& planned : runs) {
         const auto reason = config_mismatch(planned, folder / planned.run.name);
-        if (!reason.empty()) lines += fmt::format("# refused: {}: {}\n", planned.run.name, reason);
+        if (!reason.empty()) lines += fmt::format("# refused: {}: {}\n", planned.run.name, printable(reason));
     }
     return lines;
 }

@@ -11,11 +11,12 @@
 namespace cale {
 
 /// Returns why the run in `folder` is not the planned run: a sentence with every setting that differs, both
-/// values and the remedy; or that it has results whose checkpoints are gone. Empty if nothing differs, or if
-/// the run has not begun.
+/// values and the remedy; or that it cannot be resumed, as files are missing, damaged or a user's. Empty if
+/// nothing differs, or if the run has not begun.
 ///
-/// Settings that change no result may differ, and the planned run may be longer. The comparison uses the
-/// run's config.yaml, which includes changes accepted on resume (--accept-changes).
+/// Settings that change no result may differ, and the planned run may be longer, or shorter if the run has
+/// gone no further. The comparison uses the run's config.yaml, which includes changes accepted on resume
+/// (--accept-changes).
 std::string config_mismatch(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Returns a line "# refused: ..." for each run that has such a reason. `folder` is the sweep's.

@@ -48,7 +48,7 @@ std::vector<std::string> expand_one(std::string_view key, const std::string& tex
             return {std::string(find_game(text).rom)};
         } catch (const std::invalid_argument& error) {
             throw ConfigError(
-                fmt::format("{}; groups of games are atari100k, paper_ten and all", error.what()));
+                fmt::format("{} (groups of games are atari100k, paper_ten and all)", error.what()));
         }
     }
     const auto dots = text.find("..");

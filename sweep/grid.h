@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sweep/sweep_file.h"
+#include "sweep/search_space.h"
 
 namespace cale {
 

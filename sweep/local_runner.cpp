@@ -212,7 +212,7 @@ class LocalRunner {
     }
 
     /// A run's second signal kills it, and a batch system sends the first to all processes of a job. So a run
-    /// that no longer catches SIGTERM has been told, and the batch system is given the time to tell it.
+    /// that no longer catches SIGTERM has had it, and the batch system is given the time to tell it.
     void stop() {
         const auto now = Clock::now();
         if (stop_at_ == Clock::time_point::max()) {

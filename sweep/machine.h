@@ -19,13 +19,13 @@ struct Machine {
     static Machine here();
 };
 
-/// How runs share the machine; 0: computed.
+/// How runs share the machine.
 struct Sharing {
-    int jobs = 0;                        // runs at once
-    int threads = 1;                     // of a run
-    std::int64_t memory_per_run = 0;     // bytes
+    int jobs = 0;                        // runs at once; 0: computed
+    int threads = 1;                     // of a run, at least 1
+    std::int64_t memory_per_run = 0;     // bytes; 0: estimated
     std::vector<std::string> devices{};  // "cpu", "cuda:0", ...; empty: all GPUs, or the CPU if there is none
-    int per_gpu = 1;                     // runs at once on a GPU
+    int per_gpu = 1;                     // runs at once on a GPU, at least 1
 };
 
 /// A place for one run.

@@ -27,6 +27,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kClaim = ".claim";
+constexpr const char* kLock = ".lock";  // see RunLock
 constexpr const char* kOutput = "output.log";
 constexpr const char* kFailure = "failure.txt";
 
@@ -108,7 +109,7 @@ RunStatus status_of(const fs::path& folder, const RunEnd& end) {
 
 std::string strange_file(const fs::path& folder) {
     constexpr std::array<std::string_view, 10> kBegun = {
-        kClaim,          ".lock",       kOutput,        kFailure,       "config.yaml",
+        kClaim,          kLock,         kOutput,        kFailure,       "config.yaml",
         "metadata.json", "checkpoints", "progress.csv", "episodes.csv", "joystick_events.csv"};
     const auto is_begun = [&](std::string_view name) {
         const auto written =
@@ -130,7 +131,7 @@ void prepare_for_start(const fs::path& folder) {
     fs::create_directories(folder);
     for (const auto& item : fs::directory_iterator(folder)) {
         const auto name = item.path().filename();
-        if (name != kClaim && name != kOutput) fs::remove_all(item.path());
+        if (name != kClaim && name != kLock && name != kOutput) fs::remove_all(item.path());
     }
 }
 

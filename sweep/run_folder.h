@@ -42,7 +42,7 @@ RunStatus status_of(const std::filesystem::path& folder, const RunEnd& end);
 std::string strange_file(const std::filesystem::path& folder);
 
 /// Makes the folder, or empties one whose run came to no checkpoint, for the program to start in. What the
-/// run wrote to its terminal (output.log) stays.
+/// run wrote to its terminal (output.log) and the locks stay.
 void prepare_for_start(const std::filesystem::path& folder);
 
 /// Records in the folder that the run was given up, with the reason; forget_failure() removes the record.

@@ -14,7 +14,6 @@
 #include "settings/config.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
-#include "sweep/local_runner.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"
 #include "terminal/exit_code.h"
@@ -176,7 +175,7 @@ void write_best(const Search& search, const SampleScore& best, std::size_t compa
 std::vector<std::int64_t> rungs(SearchMethod method, const SearchSpace& space, std::int64_t total_steps) {
     std::vector<std::int64_t> steps;
     if (method == SearchMethod::halving) {
-        auto next = space.first_steps.value_or(std::max<std::int64_t>(1, total_steps / kFirstShare));
+        auto next = std::max<std::int64_t>(1, space.first_steps.value_or(total_steps / kFirstShare));
         for (; next < total_steps; next *= 2) steps.push_back(next);
     }
     steps.push_back(total_steps);

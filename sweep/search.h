@@ -54,7 +54,7 @@ struct Search {
 };
 
 /// Throws ConfigError where the runs cannot be compared: they are of different lengths, or are to pause and
-/// would not go on as if they had not (without their replay, or in real time).
+/// would not continue as if they had not (without their replay, or in real time).
 void check_search(const Search& search);
 
 /// Returns the runs that are trained next, up to where they pause: those of the first rung that has some left
@@ -65,9 +65,10 @@ std::vector<PlannedRun> next_runs(const Search& search);
 bool refuse_others(const Search& search, std::FILE* out);
 
 /// Trains the samples, prints how they compare to `out`, and leaves search.csv, with every sample, and
-/// search_best.yaml, the settings of the best one for --config, in the folder. Returns the exit code: 0 done,
-/// 1 some runs failed, which counts as the worst score, or are refused, and then nothing is trained, 130
-/// interrupted; the same call then continues. Throws as check_search() does.
+/// search_best.yaml, the settings of the best one for --config, where any has a score, in the folder. Returns
+/// the exit code: 0 done, 1 some runs failed, which counts as the worst score, or are refused, and then
+/// nothing is trained, 130 interrupted; the same call then continues. Throws as check_search() does, and
+/// std::runtime_error for a damaged episodes.csv.
 int run_search(const Search& search, std::FILE* out);
 
 }  // namespace cale

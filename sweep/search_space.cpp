@@ -66,8 +66,8 @@ std::optional<NumberRange> number_range(std::string_view text) {
     for (auto* end : {&low, &high}) std::erase(*end, '_');
     const auto from = number_in<double>(low), to = number_in<double>(high);
     if (!from || !to || !std::isfinite(*from) || !std::isfinite(*to)) return std::nullopt;
-    if (!(*from < *to))
-        throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
+    if (*from == *to) throw ConfigError(fmt::format("the range {} has one value: write that alone", text));
+    if (*from > *to) throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
     if (logarithmic && *from <= 0)
         throw ConfigError(fmt::format("the range {} has no logarithms: its ends must be above 0", text));
     return NumberRange{.low = *from,

@@ -41,12 +41,14 @@ struct SearchSpace {
 };
 
 /// Returns the range that a text stands for: "1..10" integers, "0.1..0.9" numbers, "log 1e-5..1e-3"; none
-/// where it is no range. Throws ConfigError for a range that is empty, or no range of logarithms.
+/// where it is no range. Throws ConfigError for a range that is empty, of one value, or no range of
+/// logarithms.
 std::optional<NumberRange> number_range(std::string_view text);
 
 /// Returns the settings of each sample, in the order of the space; numbers have three digits that can differ.
 /// A sample depends on the seed, its number and the settings alone, but for one that would repeat an earlier
-/// one, which is drawn again. Throws ConfigError where the space has fewer samples than it is to give.
+/// one, which is drawn again. Throws ConfigError where a thousand draws find no new one: the space has fewer
+/// samples than it is to give, or hardly more.
 std::vector<std::vector<Setting>> draw_samples(const SearchSpace& space);
 
 }  // namespace cale

@@ -1,6 +1,8 @@
 #include "sweep/slurm.h"
 
+#include <cstdint>
 #include <cstdlib>
+#include <exception>
 #include <sstream>
 #include <stdexcept>
 
@@ -61,6 +63,15 @@ std::vector<JobArray> read_index(const fs::path& folder) {
     }
 }
 
+/// Returns the job's number in sbatch's answer, "17" or "17;cluster", among the notes that may stand beside
+/// it; empty where there is none.
+std::string job_in(const std::string& answer) {
+    std::istringstream lines(answer);
+    for (std::string line; std::getline(lines, line);)
+        if (auto job = line.substr(0, line.find(';')); number_in<std::uint64_t>(job)) return job;
+    return "";
+}
+
 std::size_t largest_array() {
     std::istringstream lines(answer_of("scontrol show config 2>/dev/null").text);
     for (std::string line; std::getline(lines, line);) {
@@ -103,8 +114,9 @@ std::map<std::string, std::string> queued_runs(const fs::path& folder) {
     if (answer.status != 0)
         throw std::runtime_error(fmt::format("squeue: {}", without_line_end(answer.text)));
     std::istringstream lines(answer.text);
-    std::string job, task, state;
-    while (lines >> job >> task >> state) {
+    for (std::string line, job, task, state; std::getline(lines, line);) {
+        std::istringstream words(line);
+        if (!(words >> job >> task >> state)) continue;  // a note of squeue's
         if (state == "COMPLETING" || state == "COMPLETED") continue;
         const auto number = number_in<std::size_t>(task);
         if (!number) continue;  // a job that is no array
@@ -129,12 +141,16 @@ std::vector<std::vector<std::string>> job_arrays(std::span<const PlannedRun> run
     return arrays;
 }
 
-std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path& folder,
-                                const SlurmOptions& options) {
+void require_sbatch() {
     if (answer_of("command -v sbatch 2>/dev/null").status != 0)
         throw ConfigError(
             "--launcher slurm: there is no sbatch on the PATH; start it on a machine of the cluster "
             "that submits jobs, or leave --launcher out to run here");
+}
+
+std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path& folder,
+                                const SlurmOptions& options) {
+    require_sbatch();
     auto index = read_index(folder);
     std::vector<std::string> lines;
     for (const auto& part : job_arrays(runs, folder)) {
@@ -146,9 +162,20 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
         if (answer.status != 0)
             throw std::runtime_error(
                 fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
-        const auto job = answer.text.substr(0, answer.text.find_first_of(";\n"));  // "17" or "17;cluster"
+        const auto job = job_in(answer.text);
+        if (job.empty())
+            throw std::runtime_error(fmt::format(
+                "sbatch does not say which job {} became: look with squeue, and scancel it before the next "
+                "attempt; its answer was: {}",
+                file.string(), printable(without_line_end(answer.text))));
         index.push_back({.job = job, .runs = part});
-        write_file_atomically(index_file(folder), nlohmann::json(index).dump(1) + "\n");
+        try {
+            write_file_atomically(index_file(folder), nlohmann::json(index).dump(1) + "\n");
+        } catch (const std::exception& error) {
+            throw std::runtime_error(fmt::format(
+                "{} became job {}, which could not be recorded: scancel {} before the next attempt ({})",
+                file.string(), job, job, error.what()));
+        }
         lines.push_back(fmt::format("job array {}: {}, {}", job, counted(part.size(), "run"), file.string()));
     }
     return lines;

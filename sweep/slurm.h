@@ -29,7 +29,7 @@ std::string slurm_script(const std::filesystem::path& folder, std::span<const st
 
 /// Returns the states of the sweep's runs according to squeue: name and state, such as "pending". Runs
 /// outside the queue are missing; empty if there is no squeue. Throws std::runtime_error with squeue's own
-/// message.
+/// message, or where slurm.json is damaged.
 std::map<std::string, std::string> queued_runs(const std::filesystem::path& folder);
 
 /// Returns the names of the runs that are not finished, queued, running or refused, in arrays as large as the
@@ -37,9 +37,13 @@ std::map<std::string, std::string> queued_runs(const std::filesystem::path& fold
 std::vector<std::vector<std::string>> job_arrays(std::span<const PlannedRun> runs,
                                                  const std::filesystem::path& folder);
 
+/// Throws ConfigError where there is no sbatch.
+void require_sbatch();
+
 /// Submits job_arrays() and returns a line for each array. Which task is which run stands in
-/// `folder`/slurm.json. Throws ConfigError where there is no sbatch, std::runtime_error with sbatch's own
-/// sentence.
+/// `folder`/slurm.json. Throws as require_sbatch() does, std::runtime_error with sbatch's own
+/// sentence or the number of a job that could not be recorded, and as queued_runs() does. Must not run twice
+/// at a time in one folder.
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
                                 const SlurmOptions& options);
 

@@ -175,6 +175,7 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
         fmt::print(out, "{}", refused);
         return exit_code;
     }
+    require_sbatch();
     make_folder(folder, all_runs, asks_for_a_part(options));
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);

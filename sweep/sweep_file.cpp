@@ -455,7 +455,7 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
         const auto& other = sweep.runs[found->second];
         if (other.settings != run.settings || other.config != run.config) {
             throw ConfigError(fmt::format(
-                "{}: two different runs would be called {}; give them values that can be told apart",
+                "{}: two different runs would be called {}; give them values that differ in their names",
                 file.string(), run.name));
         }
         ++sweep.repeated;

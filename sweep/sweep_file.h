@@ -71,9 +71,9 @@ struct Sweep {
 /// samples vary fastest. Values of a searched key on the command line are drawn from instead of the file's.
 ///
 /// A run's name has game and agent first, every key of `grid` and `variants` between, or sample=NUMBER, and
-/// the seed last. Throws ConfigError, "file:line:column: what is wrong", where the file cannot be read, a key
-/// or game is unknown, or two runs would share a folder. The training programs check the settings (see
-/// plan()).
+/// the seed last. Throws ConfigError, "file:line:column: what is wrong" where one line is at fault: the file
+/// cannot be read, a key or game is unknown, there are too many runs, or a name is too long or that of two
+/// runs. The training programs check the settings (see plan()).
 Sweep read_sweep(const std::filesystem::path& file, std::span<const std::string> overrides = {});
 
 }  // namespace cale

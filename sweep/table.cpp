@@ -106,7 +106,7 @@ std::string table(std::span<const RunRow> rows, std::size_t width) {
         if (!row.status.message.empty() && row.status.state == RunPhase::failed)
             text += shortened("  " + printable(row.status.message), width) + "\n";
         // Every key of it is needed.
-        if (row.status.state == RunPhase::refused) text += wrap(row.status.message, 2, width);
+        if (row.status.state == RunPhase::refused) text += wrap(printable(row.status.message), 2, width);
     }
     return text;
 }

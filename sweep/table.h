@@ -5,7 +5,6 @@
 #include <span>
 #include <string>
 
-#include "sweep/plan.h"
 #include "sweep/run_folder.h"
 
 namespace cale {
@@ -23,7 +22,8 @@ struct RunRow {
 std::string summary(std::span<const RunRow> rows);
 
 /// A header and a line for each run: state, step, steps/s, return and ETA; below a run that failed or is
-/// refused, why. No line is wider than `width` columns: long names lose their middle.
+/// refused, why. No line is wider than `width` columns, but for a long word of a reason: long names lose
+/// their middle.
 std::string table(std::span<const RunRow> rows, std::size_t width);
 
 }  // namespace cale

@@ -339,7 +339,7 @@ void add_run_options(CLI::App& command, Options& options) {
         ->needs(video)
         ->transform(whole_numbers(0, 1'000'000))
         ->type_name("N");
-    command.add_option("--video-minutes", options.video_minutes, "how much of it")
+    command.add_option("--video-minutes", options.video_minutes, "how much of it, in minutes of the game")
         ->needs(video)
         ->transform(numbers(0.01, 1000))
         ->type_name("X");

@@ -1,8 +1,12 @@
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 
+#include <fmt/format.h>
+
 #include "evaluate/game_table.h"
+#include "settings/config.h"
 #include "tools/commands.h"
 
 namespace cale {
@@ -17,6 +21,8 @@ struct Options {
 };
 
 void show(const Options& options) {
+    if (!options.rom_dir.empty() && !std::filesystem::is_directory(options.rom_dir))
+        throw ConfigError(fmt::format("--rom-dir {}: there is no such folder", options.rom_dir));
     if (!options.game.empty()) {
         std::fputs(game_details(find_game(options.game), options.rom_dir).c_str(), stdout);
     } else if (options.modes) {
@@ -33,13 +39,12 @@ void show(const Options& options) {
 void add_games(CLI::App& app) {
     auto& command = *app.add_subcommand(
         "games",
-        "Lists the 60 games and four more with a paddle: how many actions each tells apart, the scores that "
+        "Lists the 60 games and four more with a paddle: how many actions each has, the scores that "
         "returns are normalised with, what random play on the joystick scores, which "
         "belong to Atari 100k, which ROM is there.");
     const auto options = std::make_shared<Options>();
-    auto* game =
-        command.add_option("GAME", options->game, "tell all about this one: pong, Pong or ALE/Pong-v5")
-            ->type_name("GAME");
+    auto* game = command.add_option("GAME", options->game, "all about this one: pong, Pong or ALE/Pong-v5")
+                     ->type_name("GAME");
     command
         .add_option("--rom-dir", options->rom_dir,
                     "folder of the ROM files, instead of ALE_ROMS_DIR and what "

@@ -22,7 +22,9 @@ void add_map(CLI::App& app) {
         std::string output{};
     };
     const auto options = std::make_shared<Options>();
-    command.add_option("--threshold", options->threshold, "tau: how far the stick must be pushed to count")
+    command
+        .add_option("--threshold", options->threshold,
+                    "tau: how far the stick must be pushed to count, as a part of its radius")
         ->transform(numbers(0, 1))
         ->type_name("TAU");
     const auto joysticks = names_of(Joystick{});

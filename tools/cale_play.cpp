@@ -191,12 +191,13 @@ void add_play(CLI::App& app) {
     command
         .add_option("GAME", options->game, "pong, Pong or ALE/Pong-v5; the policy's own if it is left out")
         ->type_name("GAME");
+    auto* policy = command
+                       .add_option("--policy", options->policy,
+                                   "who plays: a policy file, a checkpoint's folder, or a run's; else you")
+                       ->type_name("FILE");
     command
-        .add_option("--policy", options->policy,
-                    "who plays: a policy file, a checkpoint's folder, or a run's; else you")
-        ->type_name("FILE");
-    command
-        .add_option("--threshold", options->threshold, "tau: how far the joystick must be pushed to count")
+        .add_option("--threshold", options->threshold,
+                    "tau: how far the joystick must be pushed to count, as a part of its radius")
         ->transform(numbers(0, 1))
         ->type_name("X");
     command
@@ -207,22 +208,30 @@ void add_play(CLI::App& app) {
         ->take_all()
         ->type_name("KEY=VALUE");
     command
-        .add_option("--video", options->video,
-                    "film all that is shown, to this .mp4 file, which must not exist")
+        .add_option(
+            "--video", options->video,
+            "film all that is shown, to this .mp4 file, which must not exist; where there is no window "
+            "play_GAME.mp4 is one without it")
         ->type_name("FILE");
     auto* real_time = command.add_flag("--realtime", options->real_time,
                                        "the console runs at 60 frames a second and waits for nobody, P and R "
                                        "do nothing; at the end it says what was missed");
-    command.add_flag("--no-window", options->no_window, "film only, as fast as it goes");
-    command.add_option("--games", options->games, "leave after these; 0: when the window is closed")
+    auto* no_window = command.add_flag("--no-window", options->no_window,
+                                       "film only, as fast as it can; with --realtime at 60 frames a second");
+    command
+        .add_option("--games", options->games,
+                    "leave after these; 0: when the window is closed, where there is none after one")
         ->transform(whole_numbers(0, 1'000'000))
         ->type_name("N");
-    command.add_option("--speed", options->speed, "times the speed of the console; 0: as fast as it goes")
+    command.add_option("--speed", options->speed, "times the speed of the console; 0: as fast as it can")
         ->excludes(real_time)
+        ->excludes(no_window)
         ->transform(numbers(0, 100))
         ->type_name("X");
-    auto* greedy = command.add_flag("--greedy", options->greedy, "the policy's best action");
-    command.add_flag("--sampled", options->sampled, "an action drawn from the policy")->excludes(greedy);
+    auto* greedy = command.add_flag("--greedy", options->greedy, "the policy's best action")->needs(policy);
+    command.add_flag("--sampled", options->sampled, "an action drawn from the policy")
+        ->excludes(greedy)
+        ->needs(policy);
     command.add_option("--seed", options->seed, "for sticky actions, no-op starts and what is drawn")
         ->transform(seeds())
         ->type_name("N");

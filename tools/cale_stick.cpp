@@ -43,7 +43,8 @@ void add_stick(CLI::App& app) {
         *app.add_subcommand("stick",
                             "Shows the step response of a joystick, commanded to the right with the button "
                             "pressed and then back to "
-                            "the centre: its position after each frame and the event that the console sees.");
+                            "the centre: its position after each frame and the event that the console sees. "
+                            "A latency that is drawn is the longest.");
     const auto options = std::make_shared<Options>();
     command
         .add_option("--config", options->config,
@@ -56,7 +57,9 @@ void add_stick(CLI::App& app) {
         ->take_all()
         ->type_name("KEY=VALUE");
     command
-        .add_option("--frames", options->frames, "how long it is commanded to the right, in frames of 1/60 s")
+        .add_option("--frames", options->frames,
+                    "how long it is commanded to the right, in frames of 1/60 s, rounded up to "
+                    "agent steps (env.frame_skip)")
         ->transform(whole_numbers(1, 1000))
         ->type_name("N");
     command

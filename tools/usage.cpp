@@ -70,10 +70,14 @@ std::string leftover(const CLI::App& command) {
 
 CLI::Validator whole_numbers(std::int64_t least, std::int64_t most) {
     const auto read = [=](std::string& text) {
-        const auto number = number_in<std::int64_t>(text);
-        if (!number || *number < least || *number > most)
+        std::int64_t number = 0;
+        try {
+            read_setting("", {.low = static_cast<double>(least), .high = static_cast<double>(most)}, text,
+                         &number);
+        } catch (const std::invalid_argument&) {
             return fmt::format("'{}': give a whole number from {} to {}", text, least, most);
-        text = std::to_string(*number);  // for CLI11 010 would be 8
+        }
+        text = std::to_string(number);  // for CLI11 010 would be 8
         return std::string();
     };
     return {read, fmt::format("INT in [{} - {}]", least, most)};

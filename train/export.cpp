@@ -96,7 +96,9 @@ std::string policy_file_of(const fs::path& path) {
     if (!fs::is_directory(where)) return read_policy_file(path);
     if (!fs::exists(where / kAgentFile)) {
         if (fs::exists(where / "config.yaml")) return from_run(where);
-        refuse(path, "it is the folder of neither a run nor a checkpoint");
+        refuse(path,
+               "it is the folder of neither a run nor a checkpoint; give one of these, such as "
+               "runs/Pong__sac__1 or its checkpoints/step_000100000, or a policy file");
     }
     try {
         return from_checkpoint(where);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
+#include <iostream>
 #include <optional>
 #include <stdexcept>
 #include <thread>
@@ -47,30 +48,33 @@ namespace {
 /// take two hours on a slow core. A process that ends is noticed at once.
 constexpr auto kLongestEvaluation = std::chrono::hours(6);
 
+/// Returns what `make` returns. What it throws as std::invalid_argument becomes a ConfigError.
+template <class Make>
+auto checked(const Make& make) {
+    try {
+        return make();
+    } catch (const std::invalid_argument& error) {
+        throw ConfigError(error.what());
+    }
+}
+
 /// The other processes that this one was started with, once they are all there.
 ProcessGroup join_processes(const std::optional<ProcessRank>& process, const TrainingProgram& program,
                             torch::Device device) {
     if (!process) return {};
-    try {
+    return checked([&] {
         ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
                                fmt::format("process {} of {}: the processes of this run were started with "
                                            "different settings; give all of them the same command line",
                                            process->rank, process->size));
         return processes;
-    } catch (const std::invalid_argument& error) {
-        throw ConfigError(error.what());
-    }
+    });
 }
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
 std::optional<ProcessRank> find_rank(const TrainingProgram& program, const TrainingWorld& world) {
-    std::optional<ProcessRank> process;
-    try {
-        process = rank_from_environment();
-    } catch (const std::invalid_argument& error) {
-        throw ConfigError(error.what());
-    }
+    const auto process = checked(rank_from_environment);
     if (!process) return process;
     if (!program.several_processes) {
         throw ConfigError(
@@ -325,14 +329,6 @@ std::unique_ptr<World> make_one(const TrainingWorld& world) {
     }
 }
 
-std::unique_ptr<Agent> make_agent(const TrainingProgram& program, const AgentSpec& spec) {
-    try {
-        return program.make_agent(spec);
-    } catch (const std::invalid_argument& error) {
-        throw ConfigError(error.what());
-    }
-}
-
 void check_precision(const AgentSpec& spec) {
     if (spec.precision == Precision::float32 || !spec.device.is_cpu() || multiplies_bf16()) return;
     throw ConfigError(
@@ -383,10 +379,6 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
 void apply_real_time(const TrainingProgram& program, TrainingWorld& world) {
     if (!program.settings.train.realtime) return;
     if (!world.make_real_time) throw ConfigError("train.realtime: this world has no clock: set it to false");
-    if (program.num_envs != 1) {
-        throw ConfigError(fmt::format("train.realtime is for one game, and env.num_envs is {}: set it to 1",
-                                      program.num_envs));
-    }
     world.make = world.make_real_time;
 }
 
@@ -479,7 +471,8 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
             fmt::format("an agent cannot be called '{}' in run_program(): its name takes at most 64 letters, "
                         "digits, '_' and '-'",
                         program.agent_name));
-    const CommandLine line = parse_command_line(program.name, program.description, program.table, argc, argv);
+    const CommandLine line =
+        parse_command_line(program.name, program.description, program.table, argc, argv, std::cout);
     if (line.finished) {
         flush_standard_output();
         return kDone;
@@ -517,7 +510,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                 fmt::format("{}, {}{}", device.str(), counted(threads, "thread"),
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
-    const std::unique_ptr<Agent> agent = make_agent(program, spec);
+    const std::unique_ptr<Agent> agent = checked([&] { return program.make_agent(spec); });
     const Session session{.command = shell_text(std::vector<std::string>(argv, argv + argc)),
                           .device = device.str(),
                           .threads = threads,

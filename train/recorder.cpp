@@ -445,10 +445,10 @@ bool Recorder::run_evaluation() {
 bool Recorder::run_last_evaluation() {
     // A longer run's agent must not know of one that it does not have.
     const bool due = last_evaluation_due();
-    const bool forgets = !due && evaluations_decide() && options_.processes.single();
+    const bool forgets = !due && evaluations_decide();
     const auto agent_before = forgets ? agent_.state() : TensorMap();
     if (!run_evaluation()) return false;
-    if (forgets) agent_.load_state(agent_before);
+    if (forgets && files_) agent_.load_state(agent_before);  // the other processes have played nothing
     state_.evaluation_due = false;
     if (due || evaluations_decide()) write_checkpoint();
     return true;

@@ -5,7 +5,7 @@ namespace cale {
 
 struct CapturedUpdate::Impl {};
 
-CapturedUpdate::CapturedUpdate(c10::Device, const std::vector<at::Generator>&) {}
+CapturedUpdate::CapturedUpdate(c10::Device, at::Generator) {}
 CapturedUpdate::~CapturedUpdate() = default;
 
 void CapturedUpdate::operator()(const std::function<void()>& update) {

@@ -24,9 +24,9 @@ void make_wait(const c10::cuda::CUDAStream& later, const c10::cuda::CUDAStream& 
 }  // namespace
 
 struct CapturedUpdate::Impl {
-    Impl(c10::Device device, const std::vector<at::Generator>& drawn_from)
+    Impl(c10::Device device, at::Generator drawn_from)
         : stream(c10::cuda::getStreamFromPool(/*isHighPriority=*/false, device.index())),
-          generators(drawn_from) {}
+          generator(std::move(drawn_from)) {}
 
     /// On the stream of the recording, as LibTorch's autograd remembers where gradients were first made.
     void run_by_kernel(const std::function<void()>& update) {
@@ -41,7 +41,7 @@ struct CapturedUpdate::Impl {
 
     void record(const std::function<void()>& update) {
         auto recording = std::make_unique<at::cuda::CUDAGraph>();
-        for (const auto& generator : generators) recording->register_generator_state(generator);
+        if (generator.defined()) recording->register_generator_state(generator);
         const c10::cuda::CUDAStreamGuard on_stream(stream);
         c10::cuda::device_synchronize();  // the stream's device, which may not be the caller's
         recording->capture_begin();
@@ -59,13 +59,13 @@ struct CapturedUpdate::Impl {
     }
 
     c10::cuda::CUDAStream stream;
-    std::vector<at::Generator> generators;
+    at::Generator generator;
     int runs = 0;
     std::unique_ptr<at::cuda::CUDAGraph> graph;
 };
 
-CapturedUpdate::CapturedUpdate(c10::Device device, const std::vector<at::Generator>& generators) {
-    if (device.is_cuda()) impl_ = std::make_unique<Impl>(device, generators);
+CapturedUpdate::CapturedUpdate(c10::Device device, at::Generator generator) {
+    if (device.is_cuda()) impl_ = std::make_unique<Impl>(device, std::move(generator));
 }
 CapturedUpdate::~CapturedUpdate() = default;
 

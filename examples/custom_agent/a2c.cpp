@@ -76,7 +76,7 @@ class A2c final : public Agent {
 
     // What `cale export`, `cale evaluate` and `cale play` act with.
     std::optional<AgentPolicy> policy() const override {
-        return policy_of_network(network_, /*samples=*/true, /*epsilon=*/0);
+        return policy_of(network_, /*samples=*/true, /*epsilon=*/0);
     }
 
     // One list of parts is enough for checkpoints and --resume.

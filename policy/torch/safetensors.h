@@ -10,7 +10,7 @@
 
 #include <torch/types.h>
 
-#include "networks/policy_weights.h"
+#include "networks/layers.h"
 
 namespace cale {
 

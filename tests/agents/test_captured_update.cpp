@@ -53,7 +53,7 @@ TEST_P(CapturedUpdateOn, ReadsItsInputsAnewInEveryRun) {
 TEST_P(CapturedUpdateOn, DrawsTheNumbersThatACallDraws) {
     auto same = make_generator(3, device_);
     torch::Tensor drawn;
-    CapturedUpdate step(device_, {random_});
+    CapturedUpdate step(device_, random_);
     for (int run = 0; run < kRuns; ++run) {
         step([&] { drawn = torch::randn({5}, random_, device_); });
         EXPECT_TRUE(drawn.equal(torch::randn({5}, same, device_))) << run;
@@ -63,7 +63,7 @@ TEST_P(CapturedUpdateOn, DrawsTheNumbersThatACallDraws) {
 
 TEST_P(CapturedUpdateOn, DrawsOnFromARestoredState) {
     torch::Tensor drawn;
-    CapturedUpdate step(device_, {random_});
+    CapturedUpdate step(device_, random_);
     const auto draw = [&] {
         step([&] { drawn = torch::randn({5}, random_, device_); });
         return drawn.clone();

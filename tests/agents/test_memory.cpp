@@ -9,6 +9,7 @@
 #include "agents/der.h"
 #include "agents/dqn.h"
 #include "agents/off_policy_memory.h"
+#include "agents/on_policy_memory.h"
 #include "agents/ppo.h"
 #include "agents/sac.h"
 #include "agents/sacd.h"

@@ -127,7 +127,7 @@ TEST(EnvConfig, ImpossibleSettingsAreNamed) {
     EXPECT_THAT(refusal([](EnvConfig& c) { c.threshold = std::numeric_limits<double>::quiet_NaN(); }),
                 HasSubstr("threshold must be a number, not 'nan'"));
     EXPECT_THAT(refusal([](EnvConfig& c) { c.noop_max = -1; }), HasSubstr("noop_max must be"));
-    EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("nearest of the 64 is pong"));
+    EXPECT_THAT(refusal([](EnvConfig& c) { c.game = "pongo"; }), HasSubstr("did you mean pong?"));
 }
 
 TEST(EmulatorEnv, DoubleDunkNeedsActionsThatDoNotAlwaysStick) {

@@ -64,9 +64,14 @@ TEST(Games, TheNearestGameIsNamed) {
         return message_of<std::invalid_argument>([&] { find_game(name); });
     };
     EXPECT_EQ(refusal(""), "there is no game '': name one of the 64, such as pong");
-    EXPECT_THAT(refusal("Pog"), HasSubstr("no game 'Pog': the nearest of the 64 is pong"));
+    EXPECT_EQ(refusal("Pog"), "there is no game 'Pog'; did you mean pong?");
     EXPECT_THAT(refusal("ALE/SpaceInvader-v5"), HasSubstr("space_invaders"));
     EXPECT_THAT(refusal("ms_pacmen"), HasSubstr("ms_pacman"));
+    EXPECT_EQ(refusal("road"), "there is no game 'road'; did you mean road_runner?");
+    EXPECT_EQ(refusal("demon"), "there is no game 'demon'; did you mean demon_attack?");
+    EXPECT_EQ(refusal("man"), "there is no game 'man'; did you mean chopper_command or ms_pacman?");
+    EXPECT_EQ(refusal("a"), "there is no game 'a'; cale games lists all 64");
+    EXPECT_EQ(refusal("montezuma's"), "there is no game 'montezuma's'; cale games lists all 64");
     EXPECT_THAT(refusal(""), HasSubstr("no game ''"));
 }
 

@@ -89,6 +89,23 @@ TEST(PlayEmulator, AGameThatIsGivenUpIsNoneOfThoseToPlay) {
     EXPECT_GE(player.steps, 9 + lengths.front()) << "beside the nine steps of the game before";
 }
 
+TEST(PlayEmulator, AGameThatEndsAsThePlayerLeavesCounts) {
+    std::vector<std::int64_t> lengths;
+    PlayPlan plan{.env = breakout(), .games = 1, .speed = 0};
+    plan.ended = [&](const EvaluatedGame& game) { lengths.push_back(game.length); };
+    Player player;
+    player.moves = [](int, Hands&) { return Command::none; };
+    play(plan, player.stage());
+    ASSERT_EQ(lengths.size(), 1u);
+    for (const auto command : {Command::quit, Command::new_game}) {
+        player.steps = 0;
+        player.moves = [&](int step, Hands&) { return step == lengths[0] ? command : Command::none; };
+        play(plan, player.stage());
+        EXPECT_EQ(player.steps, lengths[0]);
+    }
+    EXPECT_THAT(lengths, testing::ElementsAre(lengths[0], lengths[0], lengths[0]));
+}
+
 TEST(PlayEmulator, APausedGameStandsStill) {
     Player player;
     player.moves = [](int step, Hands&) {

@@ -93,6 +93,18 @@ TEST(ReplaySnapshot, LetsGoOfTheReplayWhenItIsWritten) {
     EXPECT_EQ(read_all(replay), before);
 }
 
+TEST(ReplaySnapshot, LetsGoOfTheReplayOnceItIsReadAlsoWhereItsLastFileFails) {
+    const test::TemporaryFolder folder;
+    fs::create_directories(folder.path() / "replay.zst/in the way");
+    ReplayBuffer replay(config_of(20));
+    play(replay, 0, 50);
+    std::optional<ReplaySnapshot> failed(replay);
+    EXPECT_THROW(failed->save(folder.path()), std::runtime_error);
+    const ReplaySnapshot next(replay);
+    failed.reset();
+    EXPECT_THROW(ReplaySnapshot{replay}, std::logic_error) << "the next one's hold is its own";
+}
+
 TEST(ReplaySnapshot, DoesNotWriteFullChunksAgain) {
     const test::TemporaryFolder folder;
     const auto config = config_of(64);

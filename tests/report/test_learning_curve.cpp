@@ -57,6 +57,11 @@ TEST_F(LearningCurve, ReadsWhatARunWrites) {
     EXPECT_THAT(episodes.returns, ElementsAre(-21, -19.5));
 }
 
+TEST_F(LearningCurve, ALineThatIsNoGameIsDamageAlsoWhereItStartsLikeAComment) {
+    const auto path = file("episodes.csv", "#{\"seed\":1}\nr,l,t\n-21,764,50.9\n#19.5,800\n");
+    EXPECT_THAT(error_of(path), HasSubstr("is damaged: line 4"));
+}
+
 TEST_F(LearningCurve, CountsStepsOfMonitorFilesFromLengths) {
     const auto path =
         file("monitor.csv",

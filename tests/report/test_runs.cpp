@@ -71,6 +71,18 @@ TEST_F(Runs, SayWhatTheyAre) {
     EXPECT_TRUE(run.finished);
 }
 
+TEST_F(Runs, TakeTheSeedOfTheSettingsWhereNothingElseNamesIt) {
+    for (const std::string seed : {"1", "2"}) {
+        folders_.write(seed + "/episodes.csv", "#{\"env_id\":\"ALE/Pong-v5\"}\nr,l,t\n-21,100,1\n");
+        folders_.write(seed + "/config.yaml", "train: {seed: " + seed + "}\n");
+    }
+    const auto all = found();
+    EXPECT_THAT(all.repeated, IsEmpty());
+    ASSERT_THAT(all.runs, SizeIs(2));
+    EXPECT_EQ(all.runs[0].seed, 1u);
+    EXPECT_EQ(all.runs[1].seed, 2u);
+}
+
 TEST_F(Runs, ScoreIsTheMeanOverATenthOfTheRun) {
     std::vector<double> returns(150, 0.0);  // 100 steps each
     std::fill(returns.begin() + 130, returns.end(), 3.0);

@@ -175,6 +175,10 @@ TEST_F(CommandLineTest, MistakesAreOneSentence) {
     EXPECT_THAT(error({"--config", "a.yaml", "--config", "b.yaml"}), HasSubstr("more than once"));
     EXPECT_EQ(error({"--sede", "3"}), "unknown option '--sede'; did you mean '--seed'? (see train_x --help)");
     EXPECT_EQ(error({"--trehsold=3"}), "unknown option '--trehsold' (see train_x --help)");
+    EXPECT_EQ(error({"--train.total_steps=3"}),
+              "unknown option '--train.total_steps'; settings are given as KEY=VALUE: train.total_steps=" +
+                  std::to_string(train_.total_steps) + " (see train_x --help)");
+    EXPECT_THAT(error({"--total-steps", "3"}), HasSubstr("given as KEY=VALUE: train.total_steps="));
     EXPECT_EQ(error({"-x"}), "unknown option '-x' (see train_x --help)");
     EXPECT_EQ(error({"--seed"}), "--seed needs a value (see train_x --help)");
     EXPECT_EQ(error({"--run-dir", "--resume"}),
@@ -287,8 +291,8 @@ TEST_F(CommandLineTest, HelpListsEveryKeyOfTheTable) {
         EXPECT_THAT(help, HasSubstr("\n  " + entry.key));
         EXPECT_THAT(help, HasSubstr(entry.help + " [" + entry.type));
     }
-    EXPECT_THAT(
-        help, HasSubstr("tau: how far the joystick must be pushed to count [number, 0 to 1, default 0.5]\n"));
+    EXPECT_THAT(help, HasSubstr("tau: how far the joystick must be pushed to count, as a part of its radius "
+                                "[number, 0 to 1, default 0.5]\n"));
     EXPECT_THAT(help, HasSubstr("\nenv\n  env.game"));
     EXPECT_THAT(help, HasSubstr("\ntrain\n  train.total_steps"));
 }

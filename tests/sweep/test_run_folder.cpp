@@ -76,11 +76,13 @@ TEST_F(RunFolder, RemembersWhyARunWasGivenUp) {
 }
 
 TEST_F(RunFolder, AFreshStartKeepsWhatTheRunSaid) {
-    for (const std::string file : {"config.yaml", "episodes.csv", "eval/x.csv", "output.log", ".claim"})
+    for (const std::string file :
+         {"config.yaml", "episodes.csv", "eval/x.csv", "output.log", ".claim", ".lock"})
         folder_.write("run/" + file, "first\nlast\n\n");
     prepare_for_start(folder_ / "run");
     EXPECT_EQ(folder_.read("run/output.log"), "first\nlast\n\n");
     EXPECT_TRUE(fs::exists(folder_ / "run/.claim"));
+    EXPECT_TRUE(fs::exists(folder_ / "run/.lock")) << "a program that was started by hand may hold it";
     EXPECT_FALSE(fs::exists(folder_ / "run/episodes.csv"));
     EXPECT_FALSE(fs::exists(folder_ / "run/eval"));
     EXPECT_EQ(last_log_line(folder_ / "run"), "last");

@@ -52,6 +52,8 @@ TEST(SearchSpace, ReadsRanges) {
         EXPECT_FALSE(number_range(text)) << text;
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("3..1"); }),
                 HasSubstr("the range 3..1 is empty"));
+    EXPECT_THAT(test::error_of<ConfigError>([] { number_range("5..5"); }),
+                HasSubstr("the range 5..5 has one value"));
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("log 0..1"); }), HasSubstr("above 0"));
 }
 
@@ -128,6 +130,8 @@ TEST(Search, HalvingComparesTwiceAsLateEachTime) {
     EXPECT_THAT(rungs(SearchMethod::halving, space, 1000), ElementsAre(300, 600, 1000));
     space.first_steps = 1000;
     EXPECT_THAT(rungs(SearchMethod::halving, space, 1000), ElementsAre(1000));
+    space.first_steps = 0;
+    EXPECT_THAT(rungs(SearchMethod::halving, space, 5), ElementsAre(1, 2, 4, 5));
 }
 
 TEST(Search, AScoreIsOfTheNewestQuarterOfTheSteps) {

@@ -136,6 +136,28 @@ TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
     EXPECT_THAT(read("runs/slurm/array_3.sh"), HasSubstr("runs=(\n    fast_3\n    fast_4\n)\n"));
 }
 
+TEST_F(Slurm, KnowsItsJobsAmongNotesOfTheCluster) {
+    const auto runs = fake_.runs({"fast", "fast"});
+    fake_.write_script("sbatch",
+                       "#!/bin/bash\necho 'sbatch: your project has 17 hours left' >&2\necho '31;cluster'\n");
+    EXPECT_THAT(submit(runs, fake_.sweep(), options()), ElementsAre(HasSubstr("job array 31: 2 runs")));
+    fake_.write("queue", "the cluster is down on Monday\n31 0 PENDING\n31 1 PENDING\n");
+    EXPECT_THAT(queued_runs(fake_.sweep()),
+                UnorderedElementsAre(Pair("fast_0", "pending"), Pair("fast_1", "pending")));
+}
+
+TEST_F(Slurm, NamesAJobThatItCannotRecord) {
+    const auto runs = fake_.runs({"fast"});
+    const auto refusal = [&] {
+        return test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); });
+    };
+    fake_.write_script("sbatch", "#!/bin/bash\necho 'queued'\n");
+    EXPECT_THAT(refusal(), testing::AllOf(HasSubstr("does not say which job"), HasSubstr("queued")));
+    const auto index = (fake_.sweep() / "slurm.json").string();
+    fake_.write_script("sbatch", "#!/bin/bash\nmkdir -p " + index + "/full\necho 31\n");
+    EXPECT_THAT(refusal(), HasSubstr("scancel 31"));
+}
+
 TEST_F(Slurm, LeavesNothingWhereThereIsNothingToSubmit) {
     const auto runs = fake_.runs({"fast", "fast"});
     for (const std::string run : {"fast_0", "fast_1"})

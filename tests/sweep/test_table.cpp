@@ -81,6 +81,13 @@ TEST(SweepTable, SaysAllThatARunIsRefusedFor) {
         << "a narrow terminal takes nothing away from it";
 }
 
+TEST(SweepTable, LetsNoControlCharacterThrough) {
+    for (const auto state : {RunPhase::failed, RunPhase::refused}) {
+        const auto given = row("Pong__sac__1", {.state = state, .message = "agent.loss was \x1b[31mred"});
+        EXPECT_THAT(table(std::vector<RunRow>{given}, 200), testing::Not(testing::HasSubstr("\x1b")));
+    }
+}
+
 TEST(SweepTable, IsNoWiderThanTheTerminal) {
     auto rows = some_rows();
     rows[0].name = "SpaceInvaders__sac__encoder=phi_sac__exploration=epsilon_greedy__12345";

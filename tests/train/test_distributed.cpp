@@ -115,6 +115,22 @@ TEST_F(DistributedEmulator, TwoProcessesAreOneRun) {
     expect_same_run(run("parted"), run("one"));
 }
 
+TEST_F(DistributedEmulator, AnEvaluationThatALongerRunWouldLackLeavesNoTrace) {
+    const auto trained = [&](const char* name, int games) {
+        auto arguments =
+            fmt::format("{} --run-dir {} train.total_steps=80 train.keep_best=true eval.every=160", kSettings,
+                        run(name).string());
+        arguments.replace(arguments.find("eval.episodes=0"), 15, fmt::format("eval.episodes={}", games));
+        return start_two(arguments);
+    };
+    const auto plain = trained("plain", 0);
+    ASSERT_EQ(plain.code, 0) << plain.first << plain.other;
+    const auto evaluated = trained("evaluated", 2);
+    ASSERT_EQ(evaluated.code, 0) << evaluated.first << evaluated.other;
+    EXPECT_TRUE(fs::exists(run("evaluated") / "eval"));
+    expect_same_run(run("evaluated"), run("plain"));
+}
+
 TEST_F(DistributedEmulator, WhatCannotBeSharedIsRefused) {
     const auto dir = run("refused").string();
     const auto odd = start_two(fmt::format(

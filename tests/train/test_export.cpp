@@ -367,7 +367,9 @@ TEST_P(ExportRefusesEmulator, WhatIsNoPolicy) {
     fs::remove_all(checkpoint);
     EXPECT_EQ(error(), prefix + "it has no checkpoint yet");
     fs::remove(run / "config.yaml");
-    EXPECT_EQ(error(), prefix + "it is the folder of neither a run nor a checkpoint");
+    EXPECT_EQ(error(), prefix +
+                           "it is the folder of neither a run nor a checkpoint; give one of these, such as "
+                           "runs/Pong__sac__1 or its checkpoints/step_000100000, or a policy file");
 }
 
 TEST(ExportTest, TheWebPageReadsTheGamesOfAPolicyOfSeveral) {
