@@ -74,7 +74,7 @@ ProcessGroup join_processes(const std::optional<ProcessRank>& process, const Tra
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
 std::optional<ProcessRank> find_rank(const TrainingProgram& program, const TrainingWorld& world) {
-    const auto process = checked(rank_from_environment);
+    auto process = checked(rank_from_environment);
     if (!process) return process;
     if (!program.several_processes) {
         throw ConfigError(
