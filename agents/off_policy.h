@@ -135,6 +135,7 @@ struct RandomStreams {
     RandomStreams(const AgentSpec& spec, bool draws_in_updates);
     /// Adds random/acting, random/evaluation, and random/update_noise where updates draw.
     void add_state(StateParts& parts);
+
     at::Generator acting, evaluation;  // on the CPU
     at::Generator updates;             // on the agent's device; undefined where updates draw nothing
 };

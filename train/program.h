@@ -43,6 +43,17 @@ struct TrainingProgram {
 /// 130 interrupted after a checkpoint. Every error is one sentence on stderr.
 int run_program(const TrainingProgram& program, int argc, const char* const* argv);
 
+/// Agents whose settings declare so: see TrainingProgram::several_processes.
+template <class AgentConfig>
+concept TrainsInSeveralProcesses = requires {
+    requires AgentConfig::kSeveralProcesses;
+};
+/// Agents whose settings declare so: see TrainingProgram::learns_beside.
+template <class AgentConfig>
+concept LearnsBeside = requires {
+    requires AgentConfig::kLearnsBeside;
+};
+
 /// The main() of a training program in one call, in the world of `WorldConfig`: see train/training_world.h.
 template <class WorldConfig = EnvConfig, class AgentConfig>
 int run_program(const std::string& agent_name, const std::string& description,
@@ -60,21 +71,17 @@ int run_program(const std::string& agent_name, const std::string& description,
         .world = [&] { return training_world(config.env, config.eval); },
         .spec = [&] { return spec_of(config.env, config.train); },
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
-        .several_processes = requires {requires AgentConfig::kSeveralProcesses;
-}
-, .learns_beside = requires {
-    requires AgentConfig::kLearnsBeside;
-}
-,
-};  // namespace cale
-if constexpr (requires { schedule_over_run(config.agent); })
-    program.schedule_over_run = [&] { return std::string(schedule_over_run(config.agent)); };
-if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
-    program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
-        check_memory(config.agent, spec, available);
+        .several_processes = TrainsInSeveralProcesses<AgentConfig>,
+        .learns_beside = LearnsBeside<AgentConfig>,
     };
-}
-return run_program(program, argc, argv);
+    if constexpr (requires { schedule_over_run(config.agent); })
+        program.schedule_over_run = [&] { return std::string(schedule_over_run(config.agent)); };
+    if constexpr (requires(const AgentSpec& spec) { check_memory(config.agent, spec, std::int64_t{}); }) {
+        program.check_memory = [&](const AgentSpec& spec, std::int64_t available) {
+            check_memory(config.agent, spec, available);
+        };
+    }
+    return run_program(program, argc, argv);
 }
 
 }  // namespace cale
