@@ -177,6 +177,11 @@ void Batch::reset(std::span<const std::optional<std::uint32_t>> seeds, std::span
     });
 }
 
+/// Whether the next step begins an episode in it, in which its action counts for nothing.
+bool Batch::begins(std::size_t i) const {
+    return autoreset_ == Autoreset::next_step && (states_[i].ended || states_[i].must_restart);
+}
+
 void Batch::check(const Actions& actions) const {
     envs().check(actions);
     const auto refuse = [](std::size_t i, const std::string& what) {
@@ -184,11 +189,13 @@ void Batch::check(const Actions& actions) const {
     };
     if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
         const auto n = num_actions(actions_);
+        const bool factored = !std::get<Discrete>(actions_).factors.empty();
         for (std::size_t i = 0; i < numbers->size(); ++i) {
             const auto number = (*numbers)[i];
-            if (number < 0 || number >= n)
-                refuse(i, "there is no action " + std::to_string(number) + ", they are 0 to " +
-                              std::to_string(n - 1));
+            if ((number >= 0 && number < n) || begins(i)) continue;
+            refuse(i, factored ? "its choices must be 0 to 2, 0 to 2 and 0 to 1"
+                               : "there is no action " + std::to_string(number) + ", they are 0 to " +
+                                     std::to_string(n - 1));
         }
     } else {
         const auto& box = std::get<Box>(actions_);
@@ -196,7 +203,8 @@ void Batch::check(const Actions& actions) const {
         const auto axes = box.low.size();
         for (std::size_t k = 0; k < coordinates.size(); ++k) {
             const auto axis = k % axes;
-            if (coordinates[k] >= box.low[axis] && coordinates[k] <= box.high[axis]) continue;
+            const bool inside = coordinates[k] >= box.low[axis] && coordinates[k] <= box.high[axis];
+            if (inside || begins(k / axes)) continue;
             refuse(k / axes, (box.names.empty() ? "axis " + std::to_string(axis) : box.names[axis]) + " is " +
                                  number_text(coordinates[k]) + ", it must lie in [" +
                                  number_text(box.low[axis]) + ", " + number_text(box.high[axis]) + "]");
@@ -326,32 +334,48 @@ std::string Batch::save(std::int64_t index) const {
     return saved;
 }
 
-void Batch::restore(std::int64_t index, std::string_view saved) {
+struct Batch::Saved {
+    State state;
+    std::span<const std::uint8_t> stack;
+    EpisodeRecord record{};
+};
+
+Batch::Saved Batch::parsed(std::int64_t index, std::string_view saved) const {
     if (!saved.starts_with(kMagic))
         throw std::invalid_argument("these bytes are no environment that save() returned");
     saved.remove_prefix(kMagic.size());
     const auto ours = course_of_games(config_of(config_, index));
     if (const auto theirs = next(saved); theirs != ours)
         throw std::invalid_argument("the saved environment has " + difference(ours, theirs));
-    const State state{.ended = next(saved) == "1", .must_restart = next(saved) == "1"};
-    const auto stack = bytes_of(next(saved));
-    if (stack.size() != stack_size_) throw std::invalid_argument("the saved state is cut off or damaged");
-    EpisodeRecord record;
+    Saved parts{.state = {.ended = next(saved) == "1", .must_restart = next(saved) == "1"},
+                .stack = bytes_of(next(saved))};
+    if (parts.stack.size() != stack_size_)
+        throw std::invalid_argument("the saved state is cut off or damaged");
     while (!saved.empty()) {
         const std::string name(next(saved));
         const auto bytes = bytes_of(next(saved));
-        record[name].assign(bytes.begin(), bytes.end());
+        parts.record[name].assign(bytes.begin(), bytes.end());
     }
-    if (envs_ == nullptr) make(std::vector<std::uint32_t>(states_.size()));
+    return parts;
+}
 
-    const auto i = static_cast<std::size_t>(index);
-    states_.at(i) = {};  // to be reset, should this fail
-    envs_->resume(index, record);
-    stacks_.clear(i);
-    for (std::size_t offset = 0; offset < stack.size(); offset += frame_size_)
-        stacks_.push(i, stack.subspan(offset, frame_size_));
-    std::ranges::copy(stack.last(frame_size_), frame(i).begin());
-    states_[i] = state;
+void Batch::restore(const std::map<std::int64_t, std::string_view>& saved) {
+    std::map<std::int64_t, Saved> all;
+    for (const auto& [index, bytes] : saved) all.emplace(index, parsed(index, bytes));
+    if (envs_ == nullptr) make(std::vector<std::uint32_t>(states_.size()));
+    envs_->for_each([&](std::int64_t index) {
+        const auto found = all.find(index);
+        if (found == all.end()) return;
+        const auto& [state, stack, record] = found->second;
+        const auto i = static_cast<std::size_t>(index);
+        states_[i] = {};  // to be reset, should this fail
+        envs_->resume(index, record);
+        stacks_.clear(i);
+        for (std::size_t offset = 0; offset < stack.size(); offset += frame_size_)
+            stacks_.push(i, stack.subspan(offset, frame_size_));
+        std::ranges::copy(stack.last(frame_size_), frame(i).begin());
+        states_[i] = state;
+    });
 }
 
 }  // namespace cale::python

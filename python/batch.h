@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -93,8 +94,8 @@ class Batch {
                const StepArrays& arrays);
 
     /// One agent step of all. Throws, before any environment has stepped, std::invalid_argument for actions
-    /// outside of the space and std::logic_error for an environment that must be reset first; else what an
-    /// environment throws, after all have finished.
+    /// outside of the space, where they count, and std::logic_error for an environment that must be reset
+    /// first; else what an environment throws, after all have finished.
     void step(const Actions& actions, const StepArrays& arrays);
 
     /// The same on a thread of its own, beside the caller: begin_step() copies the actions and returns;
@@ -110,10 +111,11 @@ class Batch {
 
     /// Returns all that the future of an environment depends on: its game since its start, and its stack.
     std::string save(std::int64_t index) const;
-    /// Continues in one environment as the one would that was saved, wherever that was. Throws
-    /// std::invalid_argument for bytes that are none of save() or of another game or other settings, and
-    /// std::runtime_error for a game that is damaged; the environment must then be reset.
-    void restore(std::int64_t index, std::string_view saved);
+    /// Continues in these environments, by index, as those would that were saved, wherever that was. Throws
+    /// std::invalid_argument for bytes that are none of save() or of another game or other settings, before
+    /// anything has changed, and std::runtime_error for a game that is damaged; its environment must then be
+    /// reset.
+    void restore(const std::map<std::int64_t, std::string_view>& saved);
 
     /// Ends the environments and their threads, after the step that is under way; stacks() stay. Nothing but
     /// is_closed() and stacks() may be called any more.
@@ -129,10 +131,13 @@ class Batch {
         StickPosition stick;
         double paddle = 0;
     };
+    struct Saved;
     void make(std::span<const std::uint32_t> seeds);
     void begin_episode(std::size_t i, bool new_game);
     void step_one(std::size_t i, const Actions& actions, const StepArrays& arrays);
+    bool begins(std::size_t i) const;
     void check(const Actions& actions) const;
+    Saved parsed(std::int64_t index, std::string_view saved) const;
     Shown shown(std::size_t i, const StepResult& result) const;
     Shown at_start(std::size_t i) const;
     void write_infos(std::size_t i, const Shown& shown, const StepArrays& arrays) const;

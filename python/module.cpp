@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,6 +15,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -233,27 +235,26 @@ class Envs {
     template <class Work>
     auto run_idle(const Work& work) {
         return run([&](Batch& batch) {
-            if (sent_) throw std::logic_error("a step is under way: call recv() first");
+            if (sent_.is_valid()) throw std::logic_error("a step is under way: call recv() first");
             return work(batch);
         });
     }
 
-    void send(const Actions& actions, nb::object arrays) {
-        const auto& wanted = nb::cast<const Arrays&>(arrays);
+    /// `kept` holds the arrays as long as they are written to.
+    void send(const Actions& actions, const Arrays& arrays, nb::object kept) {
         run_idle([&](Batch& batch) {
-            batch.begin_step(actions, wanted.of(batch));
-            sent_ = true;
+            batch.begin_step(actions, arrays.of(batch));
+            sent_ = std::move(kept);  // of an object into none: without the GIL
         });
-        sent_arrays_ = std::move(arrays);
     }
-    void recv() {
-        const nb::object arrays = sent_arrays_;  // until all is written to them
+    nb::object recv() {
+        nb::object kept;
         run([&](Batch& batch) {
-            if (!sent_) throw std::logic_error("nothing was sent: call send() first");
-            sent_ = false;
+            if (!sent_.is_valid()) throw std::logic_error("nothing was sent: call send() first");
+            kept = std::move(sent_);
             batch.end_step();
         });
-        if (sent_arrays_.is(arrays)) sent_arrays_.reset();  // and nobody has sent since
+        return kept;
     }
     void close() {
         if (process_ != getpid()) return;
@@ -266,8 +267,7 @@ class Envs {
   private:
     pid_t process_ = getpid();
     std::mutex mutex_;
-    nb::object sent_arrays_;
-    bool sent_ = false;
+    nb::object sent_;               // what recv() returns; none where no step is under way
     std::unique_ptr<Batch> batch_;  // the last member: its threads use the others
 };
 
@@ -374,17 +374,19 @@ void bind_environments(nb::module_& m) {
             "actions"_a.noconvert(), "arrays"_a)
         .def(
             "send",
-            [](Envs& envs, const Coordinates& actions, nb::handle_t<Arrays> arrays) {
-                envs.send(span_of(actions), nb::borrow(arrays));
+            [](Envs& envs, const Coordinates& actions, const Arrays& arrays, nb::object kept) {
+                envs.send(span_of(actions), arrays, std::move(kept));
             },
-            "actions"_a.noconvert(), "arrays"_a, "Begins a step in the background.")
+            "actions"_a.noconvert(), "arrays"_a, "kept"_a,
+            "Begins a step in the background. `kept` must hold the arrays.")
         .def(
             "send",
-            [](Envs& envs, const Numbers& actions, nb::handle_t<Arrays> arrays) {
-                envs.send(span_of(actions), nb::borrow(arrays));
+            [](Envs& envs, const Numbers& actions, const Arrays& arrays, nb::object kept) {
+                envs.send(span_of(actions), arrays, std::move(kept));
             },
-            "actions"_a.noconvert(), "arrays"_a)
-        .def("recv", &Envs::recv, "Waits until the arrays that were sent are written.")
+            "actions"_a.noconvert(), "arrays"_a, "kept"_a)
+        .def("recv", &Envs::recv,
+             "Waits until the arrays are written, and returns what send() was given to keep.")
         .def(
             "final",
             [](Envs& envs, std::int64_t index, const Array<std::uint8_t>& observation, const Arrays& arrays) {
@@ -410,9 +412,20 @@ void bind_environments(nb::module_& m) {
             "restore",
             [](Envs& envs, std::int64_t index, const nb::bytes& saved) {
                 const std::string_view bytes(saved.c_str(), saved.size());  // while Python's lock is held
-                envs.run_idle([&](Batch& batch) { batch.restore(index, bytes); });
+                envs.run_idle([&](Batch& batch) { batch.restore({{index, bytes}}); });
             },
             "index"_a, "saved"_a, "Continues as the environment that was saved.")
+        .def(
+            "restore",
+            [](Envs& envs, const nb::dict& saved) {
+                std::map<std::int64_t, std::string_view> states;
+                for (const auto& [index, state] : saved) {
+                    const auto bytes = nb::cast<nb::bytes>(state);
+                    states[nb::cast<std::int64_t>(index)] = {bytes.c_str(), bytes.size()};
+                }
+                envs.run_idle([&](Batch& batch) { batch.restore(states); });
+            },
+            "saved"_a, "Continues as the environments that were saved, by index.")
         .def(
             "screen",
             [](Envs& envs, std::int64_t index) {

@@ -8,7 +8,7 @@ TYPES = {"integer": "int", "number": "float", "number or none": "float | None", 
 GIVEN_APART = ("game", "num_envs")  # arguments of their own
 
 with open(sys.argv[1], "w", encoding="utf-8") as stub:
-    stub.write("from typing import Literal, TypedDict\n\n"
+    stub.write("import os\nfrom typing import Literal, TypedDict\n\n"
                "class Settings(TypedDict, total=False):\n"
                '    """The settings of an environment, each with its sentence."""\n\n')
     for setting in _core.settings():
@@ -16,5 +16,7 @@ with open(sys.argv[1], "w", encoding="utf-8") as stub:
             continue
         choices = ", ".join(f'"{choice}"' for choice in setting["choices"])
         kind = f"Literal[{choices}]" if choices else TYPES[setting["type"]]
+        if setting["name"] == "rom_dir":
+            kind = "str | os.PathLike[str] | None"
         within = f" ({setting['range']})" if setting["range"] else ""
         stub.write(f"    {setting['name']}: {kind}\n    \"\"\"{setting['help']}{within}\"\"\"\n")

@@ -45,7 +45,15 @@ def test_its_vector_environment_is_ours():
             ends += 1
             for key in ("terminal_observation", "TimeLimit.truncated", "lives"):
                 np.testing.assert_array_equal(our_step[3][i][key], their_step[3][i][key])
+        assert [info["lives"] for info in ours.reset_infos] == [info["lives"] for info in theirs.reset_infos]
     assert ends >= 4
+    for both in (ours, theirs):
+        both.set_options({"new_game": True})
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    assert [info["lives"] for info in ours.reset_infos] == [5, 5]
+    ours.set_options([{"new_game": True}, {}])
+    with pytest.raises(ValueError, match="the environments are reset together"):
+        ours.reset()
     with pytest.raises(ValueError, match="autoreset_mode='SameStep'"):
         SB3VecEnv(cale.make_vec("pong"))
     with pytest.raises(ValueError, match="copy=True"):

@@ -1,6 +1,7 @@
 """What Gymnasium's checks do not look at: seeds, memory, asynchronous steps, exact states, mistakes."""
 import zlib
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -169,6 +170,41 @@ def test_damaged_and_foreign_states_are_refused():
     envs.step(envs.action_space.sample())
 
 
+def test_a_refused_state_changes_no_environment():
+    envs = cale.make_vec("pong", num_envs=2, obs="ram")
+    envs.reset(seed=1)
+    earlier = envs.save()
+    rollout(envs, 20)
+    now = envs.ram()
+    good = envs._core.save(0)
+    with pytest.raises(ValueError, match="cut off or damaged"):
+        envs._core.restore({0: cale._state.unpack(earlier)[0], 1: good[:-9]})
+    np.testing.assert_array_equal(envs.ram(), now)
+    envs.restore(earlier)
+    assert not np.array_equal(envs.ram(), now)
+
+
+def test_an_action_that_counts_for_nothing_may_be_anything():
+    """As in Gymnasium's SyncVectorEnv: the step after an episode's last, with NEXT_STEP."""
+    for kind, nothing in [({}, np.full((1, 3), np.nan, np.float32)), ({"action_space": "minimal"}, [-1]),
+                          ({"joystick": "factored"}, [[-1, 7, 2]])]:
+        envs = cale.make_vec("breakout", num_envs=1, max_frames_per_episode=8, **kind)
+        envs.reset(seed=1)
+        with pytest.raises(ValueError, match="the action of environment 0 is bad"):
+            envs.step(nothing)
+        *_, truncated, _ = envs.step(envs.action_space.sample())
+        *_, truncated, _ = envs.step(envs.action_space.sample())
+        assert truncated[0]
+        _, rewards, _, truncated, infos = envs.step(nothing)
+        assert rewards[0] == 0 and not truncated[0] and infos["frames"][0] == 0
+
+
+def test_modes_have_gymnasiums_names_and_values():
+    for mode in gymnasium.vector.AutoresetMode:
+        for name in (mode, mode.name, mode.value):
+            assert cale.make_vec("pong", 1, autoreset_mode=name).autoreset_mode is mode
+
+
 def test_a_restored_ending_is_still_one():
     env = cale.Env("breakout", max_frames_per_episode=8)
     env.reset(seed=1)
@@ -216,7 +252,8 @@ def test_a_lost_life_ends_an_episode_and_not_the_game():
     ({"num_envs": 0}, ValueError, "num_envs must be 1 to 1024, not '0'"),
     ({"game": "brekout"}, ValueError, "there is no game 'brekout'; did you mean breakout.$"),
     ({"render_mode": "human"}, ValueError, "render_mode must be None or 'rgb_array', not 'human'"),
-    ({"autoreset_mode": "never"}, ValueError, "never"),
+    ({"autoreset_mode": "never"}, ValueError, "autoreset_mode must be one of NEXT_STEP, SAME_STEP, DISABLED, not 'never'"),
+    ({"action_latency": (0, 2.5)}, TypeError, "action_latency is a tuple, which is no value of a setting"),
 ])
 def test_mistakes_get_a_sentence(settings, error, sentence):
     with pytest.raises(error, match=sentence):
@@ -235,7 +272,8 @@ def test_bad_calls_get_a_sentence():
     with pytest.raises(ValueError, match="the first reset must be of all environments"):
         envs.reset(options=mask)
     envs.reset(seed=1)
-    for seed, sentence in [(-1, "greater or equal to zero"), ([-1, 0], "seed is -1: it must be 0 or more"), ([1], "seed has 1 entries")]:
+    for seed, sentence in [(-1, "greater or equal to zero"), ([-1, 0], "seed is -1: it must be 0 or more"), ([1], "seed has 1 entries"),
+                           (1.5, "seed is 1.5: give an integer")]:
         with pytest.raises(Exception, match=sentence):
             envs.reset(seed=seed)
     for options, sentence in [({"reset_masc": 1}, "no option 'reset_masc' of reset: they are reset_mask, new_game"),
@@ -277,14 +315,14 @@ def test_a_bad_action_steps_no_environment():
 def test_the_same_game_in_whatever_actions_and_pictures():
     envs = cale.make_vec("Breakout", num_envs=1, render_mode="rgb_array", action_space="full")
     envs.reset(seed=1)
-    assert envs.single_action_space.n == 18
+    assert envs.single_action_space.n == len(envs.action_meanings()) == 18
     (picture,) = envs.render()
     assert picture.shape == (210, 160, 3) and picture.max() > 0
     assert envs.ram().shape == (1, 128)
     assert envs.metadata["render_fps"] == 15
     env = cale.Env("ALE/Breakout-v5", action_space="minimal")
     env.reset(seed=1)
-    assert env.action_meanings() == ["NOOP", "FIRE", "RIGHT", "LEFT"] and env.render() is None
+    assert env.action_meanings() == env.get_action_meanings() == ["NOOP", "FIRE", "RIGHT", "LEFT"] and env.render() is None
 
 
 def test_several_games_are_played_in_turn():
@@ -313,7 +351,7 @@ def test_several_games_are_played_in_turn():
 
 
 def test_infos_of_sticks_and_paddles():
-    envs = cale.make_vec("breakout", num_envs=2, stick_speed=0.1)
+    envs = cale.make_vec("breakout", num_envs=2, stick_speed=0.1, action_latency=(np.int64(0), np.int64(0)))
     _, infos = envs.reset(seed=1)
     np.testing.assert_array_equal(infos["stick"], np.zeros((2, 3)))
     *_, infos = envs.step(np.array([[1, 0, 0]] * 2, np.float32))

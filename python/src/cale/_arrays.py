@@ -48,9 +48,9 @@ class ActionReader:
         if array.shape != self.shape:
             raise ValueError(f"actions have the shape {self.shape}, not {array.shape}")
         if self.factors:
-            if (array < 0).any() or (array >= self.factors).any():
-                raise ValueError(f"each row of actions is one choice out of each of {self.factors} alternatives")
-            return np.ravel_multi_index(tuple(array.T), self.factors).astype(np.int64)
+            there = ((array >= 0) & (array < self.factors)).all(axis=1)
+            numbers = np.ravel_multi_index(tuple(array.T), self.factors, mode="clip")
+            return np.where(there, numbers, -1).astype(np.int64)  # -1 is refused unless it counts for nothing
         return np.ascontiguousarray(array)
 
 

@@ -116,6 +116,8 @@ class Env(gymnasium.Env):
         """Returns the joystick events of discrete actions; nothing for the continuous joystick."""
         return self._core.events()
 
+    get_action_meanings = action_meanings  # ALE's name, which wrappers look for
+
     def close(self) -> None:
         """Ends the environment."""
         self._finalizer()

@@ -110,7 +110,7 @@ def settings_in(config: str) -> dict[str, str]:
     for line in config.splitlines():
         if not line.startswith(" "):
             section = line
-        elif section == "env:" and not line.lstrip().startswith("#"):
+        elif section == "env:":
             name, _, value = line.strip().partition(": ")
             settings[name] = value.strip('"')
     return settings
@@ -165,6 +165,8 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
     if games < 1:
         raise ValueError(f"games is {games}: it must be at least 1")
     seed = _seed(seed)
+    if threads is not None and threads < 1:
+        raise ValueError(f"threads is {threads}: it must be at least 1")
     if not 0 <= epsilon <= 1:
         raise ValueError(f"epsilon is {epsilon}: it must lie in [0, 1]")
     life_loss = "true" if policy.info["life_loss_ends_episode"] else "false"  # what the policy sees depends on it

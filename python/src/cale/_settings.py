@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from cale import _core
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -36,7 +38,7 @@ def text_of(name: str, value: Any) -> str:
         return os.fspath(value)
     if isinstance(value, (str, int, float)):
         return str(value)
-    if isinstance(value, (tuple, list)) and value and all(isinstance(part, int) for part in value):
+    if isinstance(value, (tuple, list)) and value and all(isinstance(part, (int, np.integer)) for part in value):
         return "-".join(str(part) for part in value)
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, str) for part in value):
         return ",".join(value)

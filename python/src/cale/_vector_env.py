@@ -40,7 +40,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     game: the game, or several, which the environments play in turn: `games` says what each plays.
     num_envs: how many environments.
-    autoreset_mode: when the next episode begins; Gymnasium's NEXT_STEP, SAME_STEP or DISABLED.
+    autoreset_mode: when the next episode begins; Gymnasium's NEXT_STEP, SAME_STEP or DISABLED, or one of these names.
     copy: True: every step returns new arrays. False: it returns the same ones, which the next step overwrites;
         they must not be written to.
     render_mode: None or "rgb_array".
@@ -50,11 +50,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     # Gymnasium before 1.3 closes what is deleted, also where it could not be made.
     _finalizer: Callable[[], Any] = staticmethod(lambda: None)
 
+    @with_settings(apart=("game", "num_envs"))
     def __init__(self, game: str | Sequence[str], num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
                  copy: bool = True, render_mode: str | None = None, **settings: Unpack[Settings]) -> None:
+        """Makes the environments."""
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
         self.copy = copy
         self.render_mode = render_mode
         texts = texts_of({"game": game, "num_envs": num_envs, **settings})
@@ -78,7 +80,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         self._has = self._core.has_stick, self._core.has_paddle
         self._stacks = self._core.stacks
         self._kept = None if copy else self._new_arrays()[1]
-        self._sent: tuple[np.ndarray, StepArrays] | None = None
         self._started = False
 
     def reset(self, *, seed: int | Sequence[int | None] | np.ndarray | None = None,
@@ -100,6 +101,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             super().reset(seed=int(seed))
             seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
         else:
+            if seed is not None and not isinstance(seed, (Sequence, np.ndarray)):
+                raise TypeError(f"seed is {seed!r}: give an integer, or a sequence of one for each environment")
             seeds = [None] * self.num_envs if seed is None else [None if s is None else int(s) for s in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: give one, or one for each of {self.num_envs} environments")
@@ -119,21 +122,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def send(self, actions: Any) -> None:
         """Begins a step in the background, and returns at once: `recv` returns what `step` would have."""
         observations, arrays = self._arrays()
-        self._core.send(self._read_actions(actions), arrays.core)
-        self._sent = observations, arrays
+        self._core.send(self._read_actions(actions), arrays.core, (observations, arrays))
 
     def recv(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Waits for the step that `send` began, and returns what it brought."""
-        self._core.recv()
-        assert self._sent is not None
-        observations, arrays = self._sent
-        self._sent = None
-        return self._result(observations, arrays)
+        return self._result(*self._core.recv())
 
     def save(self, index: int | None = None) -> bytes:
         """Returns the state of environment `index`, or of all, exactly: `restore` continues from there as if
         nothing had been in between, in this process or another, with the same game and settings. It is the
-        game's actions since its start, which `restore` plays again: about 15 s for half an hour of play."""
+        game's actions since its start, which `restore` plays again: about 15 s for half an hour of play, all
+        environments side by side."""
         return pack([self._core.save(i) for i in self._indices(index)])
 
     def restore(self, state: bytes, index: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
@@ -144,8 +143,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             raise ValueError(f"this state is of {len(states)} environments, not of {len(indices)}")
         if index is not None and not self._started:
             self.reset()
-        for i, saved in zip(indices, states):
-            self._core.restore(i, saved)
+        self._core.restore(dict(zip(indices, states)))
         self._started = True
         observations, arrays = self._arrays()
         self._core.current(arrays.core)
@@ -160,6 +158,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     def ram(self) -> np.ndarray:
         """Returns the consoles' memory, [N, 128]."""
         return np.stack([self._core.ram(i) for i in range(self.num_envs)])
+
+    def action_meanings(self) -> list[str]:
+        """Returns the joystick events of discrete actions; nothing for the continuous joystick."""
+        return self._core.events()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Ends the environments, after the step that is under way."""
@@ -219,6 +221,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             self._core.final(int(i), final_obs[i], arrays.core)
         infos.update(final_obs=final_obs, _final_obs=ended.copy(), final_info=self._infos(arrays, ended.copy()),
                      _final_info=ended.copy())
+
+
+def _autoreset_mode(wanted: AutoresetMode | str) -> AutoresetMode:
+    for mode in AutoresetMode:
+        if wanted in (mode, mode.name, mode.value):
+            return mode
+    raise ValueError(f"autoreset_mode must be one of NEXT_STEP, SAME_STEP, DISABLED, not {wanted!r}")
 
 
 @with_settings(apart=("game", "num_envs"))

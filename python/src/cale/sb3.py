@@ -38,8 +38,12 @@ class SB3VecEnv(VecEnv):
         """Begins episodes everywhere, and returns their first observations. A step that is under way is dropped."""
         if self._under_way:
             self.step_wait()
-        observations, infos = self.envs.reset(seed=self._wanted_seed)
+        options = self._options[0]
+        if any(other != options for other in self._options):
+            raise ValueError("set_options() takes one dictionary here: the environments are reset together")
+        observations, infos = self.envs.reset(seed=self._wanted_seed, options=options)
         self._wanted_seed = None
+        self._reset_options()
         self.reset_infos = self._listed(infos)
         return observations
 
@@ -56,6 +60,7 @@ class SB3VecEnv(VecEnv):
         listed = self._listed(infos)
         last = self._listed(infos["final_info"]) if ended.any() else []
         for i in np.flatnonzero(ended):
+            self.reset_infos[i] = listed[i]
             listed[i] = last[i]
             listed[i]["terminal_observation"] = infos["final_obs"][i]
             listed[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
