@@ -359,7 +359,15 @@ class Page(unittest.TestCase):
     def test_an_impossible_setting_gets_its_sentence(self):
         self.open(hash="#threshold=7")
         self.drop("road_runner")
-        self.assertIn("threshold must be 0 to 1, not '7'", self.message())
+        self.assertIn("These settings cannot be played: threshold must be 0 to 1, not '7'", self.message())
+
+    def test_a_link_sets_no_more_than_the_sliders(self):
+        self.open()
+        read = self.browser.execute_async_script("""
+            const done = arguments[0];
+            import('./options.mjs').then(({ fromHash }) => done(
+                [fromHash('#seed=').seed, ...fromHash('#threshold=0.5%0Aframe_stack=8&stick_speed=0.2').settings]));""")
+        self.assertEqual(read, [1, ["stick_speed", "0.2"]])
 
     # What may be wrong
 

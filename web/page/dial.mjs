@@ -20,15 +20,16 @@ export function stickAt(canvas, x, y) {
 }
 
 /** The part of a zone from its left to its right edge, or from bottom to top. */
-function extent(direction, threshold) {
-    return [[-1, -threshold], [-threshold, threshold], [threshold, 1]][direction + 1];
+function extent(direction, [lower, upper]) {
+    return [[-1, lower], [lower, upper], [upper, 1]][direction + 1];
 }
 
 /**
  * Draws the dial.
- * @param view {threshold, paddle, commanded, stick, event, byHand, draws, values, valueText}: `paddle`, whether the
- *     action places one, and only x and fire count; `stick` is where a moving one is; `draws` (x, y, fire) are of a
- *     policy's Gaussian; `values`, by event, of a policy that chooses among them.
+ * @param view {threshold, edges, paddle, commanded, stick, event, byHand, draws, values, valueText}: `edges`, of the
+ *     centre zone on either axis; `paddle`, whether the action places one, and only x and fire count; `stick` is where
+ *     a moving one is; `draws` (x, y, fire) are of a policy's Gaussian; `values`, by event, of a policy that chooses
+ *     among them.
  */
 export function drawDial(canvas, view) {
     const { context, width, height } = prepare(canvas);
@@ -65,7 +66,7 @@ function drawZones({ context, colours, dial, at }, view, shades) {
     const current = zoneOf(view.event);
     const rectangle = (number, inset) => {
         const zone = zones[number];
-        const [left, right] = extent(zone.x, view.threshold), [bottom, top] = extent(zone.y, view.threshold);
+        const [left, right] = extent(zone.x, view.edges), [bottom, top] = extent(zone.y, view.edges);
         const [x, y] = at(left, top);
         return [x + inset, y + inset, dial.radius * (right - left) - 2 * inset, dial.radius * (top - bottom) - 2 * inset];
     };
@@ -97,7 +98,7 @@ function drawThresholds({ context, colours, at }, view) {
         context.lineTo(...at(...to));
     };
     if (view.paddle) line([-1, 0], [1, 0]);
-    for (const side of view.paddle ? [] : [-view.threshold, view.threshold]) {
+    for (const side of view.paddle ? [] : view.edges) {
         line([side, -1], [side, 1]);
         line([-1, side], [1, side]);
     }

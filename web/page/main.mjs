@@ -14,6 +14,7 @@ const policyFile = 'policy.safetensors';
 let session, player, info;
 let options = fromHash(location.hash);
 let lives = 0;
+const shown = new Map();  // by setting, what its slider says: before the game has it, while it is being moved
 const hand = new Hand(showPlayer);
 const strip = new Strip();
 
@@ -92,8 +93,11 @@ function showDial() {
     const rest = { radius: 0, theta: 0, fire: 0 };
     const commanded = moment?.commanded ?? rest;
     const gaussian = info.head === 'gaussian';
+    const threshold = Number(shown.get('threshold'));
+    const edges = session.trained('event_map') === 'ale_0_10' ? [threshold, threshold] : [-threshold, threshold];
     drawDial(element('dial'), {
-        threshold: threshold(),
+        threshold,
+        edges,
         paddle,
         commanded,
         stick: session.stick(player.frame),
@@ -213,9 +217,10 @@ async function take(file) {
         if (file.name.endsWith('.safetensors')) return usePolicy(bytes, file.name);
         session.insertRom(bytes);
         pause(false);
-        begin();
+        restart();
     } catch (error) {
-        say(`${file.name}: ${error.message}.`);
+        const named = error.message.includes(file.name) ? '' : `${file.name}: `;
+        say(`${named}${error.message}.`);
     }
 }
 
@@ -234,11 +239,6 @@ function acceptFiles() {
 }
 
 // Controls -----------------------------------------------------------------------------
-
-/** The slider that is being moved shows its threshold before the game has it. */
-function threshold() {
-    return Number(element('slider-threshold').value);
-}
 
 function sliderText({ unit, unset, unsetText }, value) {
     if (value === unset) return unsetText;
@@ -264,9 +264,11 @@ function makeSliders() {
             input.setAttribute('aria-valuetext', output.textContent);
         };
         showValue(now);
+        shown.set(slider.name, now);
         const chosen = () => (slider.unset && input.value === input.max ? slider.unset : String(Number(input.value)));
         input.addEventListener('input', () => {
             showValue(chosen());
+            shown.set(slider.name, chosen());
             if (session.hasGame) showDial();
         });
         input.addEventListener('change', () => {

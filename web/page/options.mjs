@@ -11,13 +11,14 @@ export const sliders = [
     { name: 'stick_speed', label: 'stick speed', min: 0.02, max: 0.52, step: 0.02, unit: 'r/frame', unset: 'none', unsetText: 'at once', help: 'radii per frame; at the right end the stick is at once where it is told to be' },
 ];
 
-/** Returns {seed, speed, settings} of a link’s end; what it does not say, or says wrongly, is as by default. */
+/** Returns {seed, speed, settings} of a link’s end. A seed or speed that cannot be is as by default; settings are checked
+    where they are used. */
 export function fromHash(hash) {
     const words = new URLSearchParams(hash.replace(/^#/, ''));
-    const seed = Number(words.get('seed') ?? 1), speed = Number(words.get('speed') ?? 1);
+    const seed = Number(words.get('seed') || 1), speed = Number(words.get('speed') || 1);
     const settings = new Map();
     for (const { name } of sliders)
-        if (words.has(name)) settings.set(name, words.get(name));
+        if (words.has(name) && !/\s/.test(words.get(name))) settings.set(name, words.get(name));
     return {
         seed: Number.isInteger(seed) && seed >= 0 && seed <= largestSeed ? seed : 1,
         speed: speeds.includes(speed) ? speed : 1,

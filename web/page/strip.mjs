@@ -11,9 +11,10 @@ export class Strip {
         this.#moments = [];
     }
 
-    /** Adds an agent step. Of the events that the console saw within it, one that differs from its own is shown. */
+    /** Adds an agent step. Of the events that the console saw within it, the first in another zone is shown. */
     add({ event, seen, byHand, reward, lifeLost }) {
-        this.#moments.push({ event, other: seen.find((frame) => frame !== event), byHand, reward, lifeLost });
+        const other = seen.find((frame) => zoneOf(frame) !== zoneOf(event));
+        this.#moments.push({ event, other, byHand, reward, lifeLost });
         if (this.#moments.length > 600) this.#moments.splice(0, 200);
     }
 
@@ -50,8 +51,7 @@ export class Strip {
             }
             if (moment.reward) fill(0, moment.reward > 0 ? colours.reward : colours.fire);
             fill(zoneOf(moment.event) + 1, moment.byHand ? colours.person : colours.policy);
-            if (moment.other !== undefined && zoneOf(moment.other) !== zoneOf(moment.event))
-                fill(zoneOf(moment.other) + 1, colours.other);
+            if (moment.other !== undefined) fill(zoneOf(moment.other) + 1, colours.other);
             if (events[moment.event].fire) fill(rows - 1, colours.fire);
         });
     }
