@@ -63,7 +63,7 @@ cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY ${CMAKE_INSTALL_PRE
 
 cale_pkg_config(policy_lite policy_lite "Trained policies without LibTorch (MIT)" LIBS "-lcale_policy_lite -lcale_frames")
 cale_pkg_config(policy_c policy_lite "Trained policies for C and whatever can call C (MIT)"
-    CFLAGS "-I\${prefix}/${CALE_INCLUDE_DIR}/policy" LIBS -lcale_policy_c)
+    CFLAGS "-I\${prefix}/${CALE_INCLUDE_DIR} -I\${prefix}/${CALE_INCLUDE_DIR}/policy" LIBS -lcale_policy_c)
 if(TARGET cale_env AND BUILD_SHARED_LIBS)
     cale_pkg_config(env env "The Continuous Arcade Learning Environment (contains ALE: GPL-2.0)"
         LIBS "-lcale_env -lcale_frames")

@@ -1,7 +1,8 @@
 #include "policy/cale_policy.h"
 
 #include <exception>
-#include <memory>
+#include <new>
+#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -16,15 +17,15 @@ struct cale_policy {
 
 struct cale_session {
     cale_session(const cale::lite::Policy& shared, int screen_height, std::uint64_t seed)
-        : policy(shared),
-          workspace(policy.workspace()),
-          random(seed),
-          observer(policy.info(), screen_height) {}
+        : policy(shared), workspace(policy.workspace()), random(seed) {
+        if (cale::Observer::observes(policy.info())) observer.emplace(policy.info(), screen_height);
+    }
 
     cale::lite::Policy policy;  // shares the weights
     cale::lite::Workspace workspace;
     std::mt19937_64 random;
-    cale::Observer observer;
+    std::optional<cale::Observer> observer;  // none of frames that it does not make
+    bool started = false;
 };
 
 namespace {
@@ -39,6 +40,9 @@ template <class Result, class Action>
 Result guarded(Result failure, Action&& action) noexcept {
     try {
         return action();
+    } catch (const std::bad_alloc&) {
+        last_error() = "out of memory";  // short enough to need none
+        return failure;
     } catch (const std::exception& error) {
         try {
             last_error() = error.what();
@@ -67,6 +71,16 @@ cale::Choice choice_of(int choice) {
     }
 }
 
+cale::Observer& observer_of(cale_session* session) {
+    require(session, "the session");
+    if (session->observer) return *session->observer;
+    const auto& info = session->policy.info();
+    throw std::invalid_argument("this policy reads frames of " + std::to_string(info.frame_height) + "x" +
+                                std::to_string(info.frame_width) +
+                                ", which are not made of screens: call cale_session_act_on() with "
+                                "observations of your own");
+}
+
 cale_decision plain(const cale::Decision& decision) {
     return {decision.stick.radius,
             decision.stick.theta,
@@ -83,13 +97,13 @@ int decide(cale_session* session, std::span<const std::uint8_t> observation, int
     return 1;
 }
 
-/// Calls show(screen) with the caller's screen.
+/// Calls show(observer, screen) with the caller's screen.
 template <class Show>
 int shown(cale_session* session, const std::uint8_t* screen, std::size_t size, Show&& show) noexcept {
     return guarded(0, [&] {
-        require(session, "the session");
+        auto& observer = observer_of(session);
         require(screen, "the screen");
-        show(std::span(screen, size));
+        show(observer, std::span(screen, size));
         return 1;
     });
 }
@@ -155,7 +169,7 @@ const char* cale_policy_text(const cale_policy* policy, const char* name) {
 cale_session* cale_session_new(const cale_policy* policy, int32_t screen_height, uint64_t seed) {
     return guarded<cale_session*>(nullptr, [&] {
         require(policy, "the policy");
-        return std::make_unique<cale_session>(policy->policy, screen_height, seed).release();
+        return new cale_session(policy->policy, screen_height, seed);
     });
 }
 
@@ -164,30 +178,35 @@ void cale_session_free(cale_session* session) {
 }
 
 int cale_session_start(cale_session* session, const uint8_t* screen, size_t size) {
-    return shown(session, screen, size, [&](auto pixels) { session->observer.start(pixels); });
+    return shown(session, screen, size, [&](auto& observer, auto pixels) {
+        observer.start(pixels);
+        session->started = true;
+    });
 }
 
 int cale_session_see(cale_session* session, const uint8_t* screen, size_t size) {
-    return shown(session, screen, size, [&](auto pixels) { session->observer.see(pixels); });
+    return shown(session, screen, size, [](auto& observer, auto pixels) { observer.see(pixels); });
 }
 
 int cale_session_lose_life(cale_session* session) {
     return guarded(0, [&] {
-        require(session, "the session");
-        session->observer.lose_life();
+        observer_of(session).lose_life();
         return 1;
     });
 }
 
 int cale_session_due(const cale_session* session) {
-    return session != nullptr && session->observer.due() ? 1 : 0;
+    return session != nullptr && session->observer && session->observer->due() ? 1 : 0;
 }
 
 int cale_session_act(cale_session* session, int choice, cale_decision* result) {
     return guarded(0, [&] {
-        require(session, "the session");
+        auto& observer = observer_of(session);
         require(result, "the place for the decision");
-        return decide(session, session->observer.observation(), choice, result);
+        static_cast<void>(choice_of(choice));  // is one
+        if (!session->started)
+            throw std::logic_error("no game has begun in this session: call cale_session_start() first");
+        return decide(session, observer.observation(), choice, result);
     });
 }
 

@@ -5,6 +5,7 @@
 #include <charconv>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "cale/fields.h"
 #include "cale/text.h"
@@ -206,12 +207,14 @@ Head parse_head(EntryReader entry) {
 }
 
 std::vector<std::string> entries(std::string_view text) {
+    // Before memory is allocated.
+    if (std::cmp_greater_equal(std::ranges::count(text, ';'), kMostLayers))
+        throw FileDamage("its network has more than 1000 layers");
     auto parts = split(text, ';');
     for (std::size_t i = 1; i < parts.size(); ++i) {
         if (!parts[i].starts_with(' ')) throw FileDamage("its network's entries are not separated by '; '");
         parts[i].erase(0, 1);
     }
-    if (parts.size() > kMostLayers) throw FileDamage("its network has more than 1000 layers");
     return parts;
 }
 

@@ -9,6 +9,8 @@
 namespace cale {
 namespace {
 
+constexpr std::size_t kMemory = 128;  // bytes of the console's
+
 std::array<std::uint8_t, 256> every_gray() {
     std::array<std::uint8_t, 256> gray{};
     for (std::size_t i = 0; i < gray.size(); ++i) gray[i] = static_cast<std::uint8_t>(i);
@@ -18,8 +20,7 @@ std::array<std::uint8_t, 256> every_gray() {
 /// Returns the pipeline from screens to frames; none for memory.
 std::optional<FramePipeline> pipeline_for(const PolicyInfo& info, int screen_height) {
     if (info.frame_height == 1) return std::nullopt;
-    if (info.frame_height == kFrameHeight && info.frame_width == kFrameWidth)
-        return FramePipeline(screen_height, every_gray());
+    if (Observer::observes(info)) return FramePipeline(screen_height, every_gray());
     throw std::invalid_argument("this policy reads frames of " + std::to_string(info.frame_height) + "x" +
                                 std::to_string(info.frame_width) +
                                 "; an Observer makes frames of 84x84: make the observations yourself");
@@ -29,6 +30,10 @@ std::optional<FramePipeline> pipeline_for(const PolicyInfo& info, int screen_hei
 
 std::uint8_t luminance(std::uint8_t red, std::uint8_t green, std::uint8_t blue) {
     return static_cast<std::uint8_t>(std::round(red * 0.2989 + green * 0.5870 + blue * 0.1140));
+}
+
+bool Observer::observes(const PolicyInfo& info) {
+    return info.frame_height == 1 || (info.frame_height == kFrameHeight && info.frame_width == kFrameWidth);
 }
 
 Observer::Observer(const PolicyInfo& info, int screen_height)
@@ -75,8 +80,10 @@ void Observer::lose_life() {
 void Observer::require_size(std::span<const std::uint8_t> screen) const {
     if (reads_memory()) {
         if (screen.size() == frame_.size()) return;
+        const std::string parts =
+            frame_.size() > kMemory ? " (the memory's, then those of write_joystick_log())" : "";
         throw std::invalid_argument("this policy reads the console's memory: give it " +
-                                    std::to_string(frame_.size()) + " bytes, not " +
+                                    std::to_string(frame_.size()) + " bytes" + parts + ", not " +
                                     std::to_string(screen.size()));
     }
     const auto pixels = gray_.size();

@@ -30,7 +30,9 @@ namespace cale {
 /// the console's bytes in their place. Nothing is allocated after construction.
 class Observer {
   public:
-    /// Throws std::invalid_argument where frames are neither 84x84 nor memory, or for fewer rows than 84.
+    /// Whether frames are what it makes: 84x84, or memory.
+    static bool observes(const PolicyInfo& info);
+    /// Throws std::invalid_argument where observes() does not hold, or for fewer rows than 84.
     explicit Observer(const PolicyInfo& info, int screen_height = 210);
 
     /// A game has begun. Throws std::invalid_argument for a screen of another size.

@@ -136,7 +136,9 @@ PolicyFile parse_policy_file(std::string_view contents) {
             {"its format is version ", in_quotes(version), ", this program reads versions 1 to ", kVersion});
     }
     if (texts.contains("joystick") != (version == kVersion))
-        throw FileDamage("version 3 is that of files with a text 'joystick', and no other is");
+        throw FileDamage({"its format is version ", in_quotes(version),
+                          version == kVersion ? ", but it has no text 'joystick'"
+                                              : ", but it has a text 'joystick', which only version 3 has"});
     if (take_text(texts, kChecksum) != policy_checksum(stored.metadata, stored.tensors))
         throw FileDamage("its checksum is not that of its contents: it was damaged or changed");
 

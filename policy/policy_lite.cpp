@@ -29,12 +29,19 @@ float uniform(std::mt19937_64& random) {
     return static_cast<float>(random() >> 40) * 0x1p-24f;  // [0, 1)
 }
 
+void require_finite(std::span<const float> output) {
+    if (std::ranges::all_of(output, [](float number) { return std::isfinite(number); })) return;
+    throw std::runtime_error("the policy's network gives a number that is not finite for this observation");
+}
+
 Decision greedy(const PolicyInfo& info, std::span<const float> output) {
+    require_finite(output);
     if (info.actions.empty()) return squashed_decision(info, output.first(output.size() / 2));
     return decision(info, std::max_element(output.begin(), output.end()) - output.begin());
 }
 
 Decision sampled(const PolicyInfo& info, std::span<const float> output, std::mt19937_64& random) {
+    require_finite(output);
     if (info.actions.empty()) {
         std::normal_distribution<float> normal;
         const auto size = output.size() / 2;

@@ -61,7 +61,8 @@ class Policy {
     Workspace workspace(std::size_t observations = 1) const;
 
     /// The greedy decision on an observation [stack, frame_height, frame_width]. Allocates nothing.
-    /// Throws std::invalid_argument for another number of bytes or another policy's workspace.
+    /// Throws std::invalid_argument for another number of bytes or another policy's workspace, and
+    /// std::runtime_error where the network's numbers are not finite, as those of large weights can be.
     Decision act(std::span<const std::uint8_t> observation, Workspace& workspace) const;
     /// The same by `choice`, with the caller's generator.
     Decision act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,

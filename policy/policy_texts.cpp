@@ -117,8 +117,9 @@ struct Reader {
     void operator()(const char* key, std::vector<Event>& value) const {
         const auto text = take_text(texts, key);
         if (text.empty()) return;
+        // Before memory is allocated.
+        if (std::ranges::count(text, ' ') >= kEventCount) refuse(key, text, "at most 18 joystick events");
         for (const auto& name : split(text, ' ')) value.push_back(event_called(name, text));
-        if (value.size() > kEventCount) refuse(key, text, "at most 18 joystick events");
     }
     void operator()(const char* key, bool& value) const { value = take_truth(texts, key); }
     // The threshold and epsilon.
@@ -128,14 +129,15 @@ struct Reader {
     // Is missing from the files of polar policies, which are older than it.
     void operator()(const char* key, Joystick& value) const {
         if (!texts.contains(key)) return;
-        const auto names = names_of(value).subspan(1);
-        const auto found = std::ranges::find(names, take_choice(texts, key, names));
-        value = static_cast<Joystick>(1 + found - names.begin());
+        value = take_value<Joystick>(key, 1);
     }
-    void operator()(const char* key, EventMap& value) const {
-        const auto names = names_of(value);
+    void operator()(const char* key, EventMap& value) const { value = take_value<EventMap>(key); }
+
+    template <class Value>
+    Value take_value(const char* key, std::size_t first = 0) const {
+        const auto names = names_of(Value{}).subspan(first);
         const auto found = std::ranges::find(names, take_choice(texts, key, names));
-        value = static_cast<EventMap>(found - names.begin());
+        return static_cast<Value>(static_cast<std::size_t>(found - names.begin()) + first);
     }
 };
 
@@ -161,7 +163,8 @@ void check_actions(const PolicyInfo& info, const Head& head) {
     if (factored && !std::ranges::equal(info.actions, factored_events()))
         throw FileDamage("its list of actions is not that of the factored joystick");
     if (head.num_actions != info.num_actions())
-        throw FileDamage("its network's head has another number of actions than are listed");
+        throw FileDamage({"its network's head has another number of actions than are listed: ",
+                          std::to_string(head.num_actions), ", not ", std::to_string(info.num_actions())});
 }
 
 }  // namespace
@@ -177,6 +180,8 @@ void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& networ
     // What of version 1 became the network is taken first: it takes `encoder` for one of three.
     if (version == 1) network = take_network_of_version_1(texts);
     describe(info, Reader{texts});
+    for (const auto& [key, text] : {std::pair{"game", info.game}, {"encoder", info.encoder}})
+        if (printable(text) != text) refuse(key, text, "without control characters");
     if (!is_agent_name(info.agent)) refuse("agent", info.agent, "at most 64 letters, digits, '_' and '-'");
     if (version == 1) {
         if (!network.head.continuous()) network.head.num_actions = info.num_actions();

@@ -213,15 +213,16 @@ std::string read_whole_file(const std::filesystem::path& path) {
     };
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored)) fail(EISDIR);
-    std::ifstream file(path, std::ios::binary | std::ios::ate);
+    std::ifstream file(path, std::ios::binary);
     if (!file) fail(errno);
-    const auto size = static_cast<std::streamsize>(file.tellg());
+    // A pipe does not say how much is in it.
+    const auto expected = static_cast<std::size_t>(
+        std::filesystem::is_regular_file(path, ignored) ? file_size(path, ignored) : 0);
     std::string bytes;
-    if (size > 0) {
-        bytes.resize(static_cast<std::size_t>(size));
-        file.seekg(0);
-        file.read(bytes.data(), size);
-        bytes.resize(static_cast<std::size_t>(file.gcount()));
+    for (std::size_t size = 0; file; size = bytes.size()) {
+        bytes.resize(std::max<std::size_t>({2 * size, expected + 1, 65'536}));
+        file.read(bytes.data() + size, static_cast<std::streamsize>(bytes.size() - size));
+        bytes.resize(size + static_cast<std::size_t>(file.gcount()));
     }
     if (file.bad()) fail(errno);
     return bytes;

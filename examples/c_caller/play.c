@@ -1,5 +1,5 @@
 /* A trained policy in a program in C. The "game" is a square that the joystick moves over a gray screen. */
-#include <cale_policy.h>
+#include <policy/cale_policy.h>
 
 #include <stdio.h>
 #include <string.h>

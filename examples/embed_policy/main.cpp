@@ -2,7 +2,6 @@
 // after every frame and to take joystick events. (Policies that read a console's memory are given that.)
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <span>
 #include <string_view>
@@ -11,6 +10,7 @@
 #include <cale/emulator.h>
 #include <cale/env.h>
 #include <cale/games.h>
+#include <cale/number.h>
 #include <policy/observer.h>
 #include <policy/torch/policy.h>
 
@@ -57,8 +57,8 @@ Played play(const cale::Policy& policy, cale::Emulator& console, int most_frames
 
 int main(int argc, char** argv) {
     const bool asked = argc == 2 && std::string_view(argv[1]) == "--help";
-    const int most_frames = argc > 2 ? std::atoi(argv[2]) : 108'000;
-    if (argc < 2 || argc > 3 || most_frames < 1 || asked) {
+    const auto most_frames = argc > 2 ? cale::number_in<int>(argv[2]) : 108'000;
+    if (argc < 2 || argc > 3 || most_frames.value_or(0) < 1 || asked) {
         std::fputs("usage: embed_policy POLICY.safetensors [FRAMES], with FRAMES at least 1\n",
                    asked ? stdout : stderr);
         return asked ? 0 : 2;
@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
         // A placed paddle does not stick.
         const float sticky_probability = policy.info().joystick == cale::Joystick::paddle ? 0 : 0.25F;
         cale::Emulator console(game, cale::find_rom(policy.info().game, ""), sticky_probability, /*seed=*/1);
-        const auto [frames, score] = play(policy, console, most_frames);
+        const auto [frames, score] = play(policy, console, *most_frames);
         std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(),
                     policy.info().game.c_str(), score, frames);
         return frames > 0 ? 0 : 1;

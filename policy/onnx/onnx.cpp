@@ -279,7 +279,10 @@ std::string onnx_model(const PolicyFile& policy) {
         entry.set_key(key);
         entry.set_value(text);
     }
-    return model.SerializeAsString();
+    auto bytes = model.SerializeAsString();
+    if (bytes.empty())
+        throw std::runtime_error("an ONNX model holds less than 2 GB, and this policy has more");
+    return bytes;
 }
 
 }  // namespace cale

@@ -104,6 +104,41 @@ TEST(CInterfaceOfTheJoystick, EveryChoiceIsThatOfTheLibraryBelow) {
     }
 }
 
+TEST_F(CInterface, NothingIsDecidedBeforeAGameHasBegun) {
+    cale_decision decision;
+    EXPECT_EQ(cale_session_act(session.get(), CALE_GREEDY, &decision), 0);
+    EXPECT_STREQ(cale_policy_error(), "no game has begun in this session: call cale_session_start() first");
+}
+
+TEST(CInterfaceOfOtherFrames, DecidesOnObservationsOfTheCallersOwn) {
+    const NetworkSpec network{.observation = {2, 12, 12},
+                              .layers = {Layer::of(Layer::Kind::flatten), Layer::dense("head.fc1", 8),
+                                         Layer::of(Layer::Kind::relu)},
+                              .head = {.kind = Head::Kind::values, .num_actions = 4}};
+    const auto bytes = policy_file_contents(test::sample_policy(network));
+    const PolicyHandle policy{cale_policy_parse(bytes.data(), bytes.size()), cale_policy_free};
+    ASSERT_NE(policy, nullptr) << cale_policy_error();
+    const SessionHandle session{cale_session_new(policy.get(), 210, 1), cale_session_free};
+    ASSERT_NE(session, nullptr) << cale_policy_error();
+    const auto observation = test::random_pixels(std::size_t{2} * 12 * 12, 1);
+    cale_decision decision;
+    ASSERT_EQ(
+        cale_session_act_on(session.get(), observation.data(), observation.size(), CALE_GREEDY, &decision), 1)
+        << cale_policy_error();
+    const auto below = lite::Policy::parse(bytes);
+    auto workspace = below.workspace();
+    EXPECT_EQ(decision.action, below.act(observation, workspace).action);
+    EXPECT_EQ(cale_session_due(session.get()), 0);
+    for (const int result :
+         {cale_session_start(session.get(), observation.data(), observation.size()),
+          cale_session_see(session.get(), observation.data(), observation.size()),
+          cale_session_lose_life(session.get()), cale_session_act(session.get(), CALE_GREEDY, &decision)}) {
+        EXPECT_EQ(result, 0);
+    }
+    EXPECT_THAT(cale_policy_error(), HasSubstr("frames of 12x12, which are not made of screens: call "
+                                               "cale_session_act_on()"));
+}
+
 TEST_F(CInterface, ASessionOutlivesItsPolicy) {
     policy.reset();
     ASSERT_EQ(cale_session_start(session.get(), screen.data(), screen.size()), 1);

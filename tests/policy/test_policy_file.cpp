@@ -170,6 +170,8 @@ TEST(PolicyFileDamage, Texts) {
         EXPECT_FALSE(is_agent_name(agent));
     }
     EXPECT_TRUE(is_agent_name("own-agent_2"));
+    EXPECT_THAT(error("game", "Po\x1b[2Jng"), HasSubstr("it must be without control characters"));
+    EXPECT_THAT(error("actions", std::string(4'000'000, ' ')), HasSubstr("at most 18 joystick events"));
     EXPECT_EQ(error("encoder", "(missing)"), metadata("'encoder' is missing"));
     EXPECT_EQ(error("network", "(missing)"), metadata("'network' is missing"));
     EXPECT_THAT(error("network", "observation 2 21 18; softmax"), HasSubstr("its network has no layers"));
@@ -181,6 +183,11 @@ TEST(PolicyFileDamage, Texts) {
                 HasSubstr("head does not act on the action space 'minimal'"));
     EXPECT_THAT(error("cale_policy", "4"),
                 HasSubstr("its format is version '4', this program reads versions 1 to 3"));
+    EXPECT_THAT(error("cale_policy", "3"),
+                HasSubstr("its format is version '3', but it has no text 'joystick'"));
+    EXPECT_THAT(
+        error("joystick", "cartesian"),
+        HasSubstr("its format is version '2', but it has a text 'joystick', which only version 3 has"));
     EXPECT_THAT(error("cale_policy", "(missing)"), HasSubstr("not a policy that cale export made"));
 }
 

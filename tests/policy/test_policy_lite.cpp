@@ -249,7 +249,7 @@ TEST(LitePolicy, ABatchIsItsObservations) {
     for (const auto& [name, network] : test::sample_networks()) {
         const auto policy = policy_of(sample_policy(network));
         const auto size = policy.info().observation_size();
-        const std::size_t count = 7;
+        const std::size_t count = 19;
         const auto pixels = random_pixels(count * size, 3);
         const auto alone = [&] {
             auto workspace = policy.workspace();
@@ -260,7 +260,7 @@ TEST(LitePolicy, ABatchIsItsObservations) {
                                                Choice::as_evaluated, random));
             return decisions;
         }();
-        for (const std::size_t room : {1, 2, 3, 8}) {
+        for (const std::size_t room : {1, 2, 3, 8, 16}) {
             auto workspace = policy.workspace(room);
             std::mt19937_64 random(1);
             std::vector<Decision> decisions(count);
@@ -355,6 +355,22 @@ TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
               "an observation has 5 bytes: it must have 756");
 }
 
+TEST(LitePolicy, NumbersThatAreNotFiniteDecideNothing) {
+    auto file = sample_policy(test::action_values(flat()));
+    for (auto& [name, weights] : file.weights)
+        std::ranges::fill(weights, name.ends_with(".weight") ? 3e38F : 0.0F);
+    std::ranges::fill(file.golden.observation, std::uint8_t{0});
+    std::ranges::fill(file.golden.output, 0.0F);
+    const auto policy = policy_of(file);
+    auto workspace = policy.workspace();
+    std::mt19937_64 random(1);
+    const std::vector<std::uint8_t> pixels(policy.info().observation_size(), 255);
+    for (const auto choice : {Choice::greedy, Choice::sampled}) {
+        EXPECT_EQ(test::message_of([&] { policy.act(pixels, workspace, choice, random); }),
+                  "the policy's network gives a number that is not finite for this observation");
+    }
+}
+
 TEST(LitePolicy, AWorkspaceIsNoOtherPolicysAfterItsOwnIsGone) {
     const auto file = named("sac");
     for (int i = 0; i < 8; ++i) {
@@ -377,6 +393,7 @@ TEST(LitePolicy, FilesThatCannotBeRead) {
     EXPECT_EQ(test::message_of([] { lite::Policy::load("/no/such.safetensors"); }),
               "cannot read '/no/such.safetensors': No such file or directory");
     EXPECT_EQ(test::message_of([] { lite::Policy::load("/tmp"); }), "cannot read '/tmp': Is a directory");
+    EXPECT_THAT(test::message_of([] { lite::Policy::load("/dev/null"); }), HasSubstr("it has 0 bytes"));
 }
 
 TEST(DecisionTest, OfJoysticksAndOfNumbers) {
