@@ -17,6 +17,7 @@ namespace cale {
 namespace {
 
 constexpr std::array<std::string_view, 3> kNotScores{"game", "cale60", "atari100k"};
+constexpr std::array<std::string_view, 2> kBeyondTheSixty{"defender", "surround"};  // of published tables
 
 std::vector<std::string> score_columns(const CsvTable& table) {
     std::vector<std::string> names;
@@ -37,6 +38,16 @@ std::vector<std::string> nearest_names(std::string_view wanted, std::vector<std:
     return names;
 }
 
+/// Throws std::runtime_error that names the line where it is none.
+const Game& game_in(const CsvTable& table, std::size_t row, const std::string& name) {
+    try {
+        return find_game(name);
+    } catch (const std::invalid_argument& error) {
+        throw std::runtime_error(
+            fmt::format("{}: line {}: {}", table.path.string(), table.lines[row], error.what()));
+    }
+}
+
 }  // namespace
 
 std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names) {
@@ -53,15 +64,13 @@ std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<st
         Baseline baseline{.name = name};
         for (std::size_t row = 0; row < table.rows.size(); ++row) {
             if (table.rows[row][column].empty()) continue;
-            try {
-                const auto& game = find_game(table.rows[row][*game_column]);
-                if (!baseline.scores.emplace(game.name, table.number(row, column)).second)
-                    throw std::runtime_error(
-                        fmt::format("{}: line {} has {} again: a table of scores has a game once",
-                                    table.path.string(), table.lines[row], game.name));
-            } catch (const std::invalid_argument&) {
-                continue;  // games beyond the sixty (Defender, Surround)
-            }
+            const auto& name_of_game = table.rows[row][*game_column];
+            if (std::ranges::find(kBeyondTheSixty, lower(name_of_game)) != kBeyondTheSixty.end()) continue;
+            const auto& game = game_in(table, row, name_of_game);
+            if (!baseline.scores.emplace(game.name, table.score(row, column)).second)
+                throw std::runtime_error(
+                    fmt::format("{}: line {} has {} again: a table of scores has a game once",
+                                table.path.string(), table.lines[row], game.name));
         }
         baselines.push_back(std::move(baseline));
     }

@@ -244,6 +244,9 @@ void give_names(std::vector<Group>& groups, std::vector<Baseline>& baselines,
             if (const auto name = names.extract(baseline.name)) baseline.name = name.mapped();
     rename_groups(groups, names);
     for (const auto& baseline : baselines) {
+        if (std::ranges::count(baselines, baseline.name, &Baseline::name) > 1)
+            throw std::invalid_argument(
+                fmt::format("two baselines are called {}: name each once, or differently", baseline.name));
         if (!is_group(baseline.name)) continue;
         throw std::invalid_argument(fmt::format(
             "a group and a baseline are called {0}: give the group another name by --name '{0}=NAME'",
@@ -283,13 +286,16 @@ void leave_out_recorded(Comparison& comparison) {
         for (const auto& run : group.runs) games.insert(run.game->name);
         for (const auto game : games) ++groups_with[game];
     }
-    std::erase_if(comparison.groups, [&](Group& group) {
-        if (own == 0 || !is_recorded(group)) return false;
-        std::erase_if(group.runs, [&](const Run& run) { return !groups_with.contains(run.game->name); });
+    if (own == 0) return;
+    for (auto& group : comparison.groups)
+        if (is_recorded(group))
+            std::erase_if(group.runs, [&](const Run& run) { return !groups_with.contains(run.game->name); });
+    std::erase_if(comparison.groups, [&](const Group& group) {
         if (group.runs.empty()) {
             comparison.left_out_baselines.push_back({group.label, "it has no run of these games"});
             return true;
         }
+        if (!is_recorded(group)) return false;
         std::vector<std::string_view> missing;
         for (const auto& [game, groups] : groups_with) {
             const auto game_of = [](const Run& run) -> std::string_view { return run.game->name; };
@@ -346,20 +352,26 @@ std::string name_of(const Run& run) {
                : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
 }
 
-/// "1000 (a; b), 100000 (c)", in agent steps, where the runs of groups are of different lengths; else empty.
+/// "1000 (a; b), 2000 / 100000 (c)", in agent steps, where the runs are of different lengths; else empty.
 std::string lengths_text(const std::vector<Group>& groups) {
-    std::map<std::int64_t, std::vector<std::string>> labels;
+    std::map<std::set<std::int64_t>, std::vector<std::string>> labels;
+    std::set<std::int64_t> all;
     for (const auto& group : groups) {
-        double steps = 0;
-        for (const auto& run : group.runs)
-            steps = std::max(steps, run.total_steps > 0 ? run.total_steps : run.reached);
-        labels[std::llround(steps)].push_back(group.label);
+        std::set<std::int64_t> lengths;
+        double furthest = 0;
+        for (const auto& run : group.runs) {
+            if (run.total_steps > 0) lengths.insert(std::llround(run.total_steps));
+            furthest = std::max(furthest, run.reached);
+        }
+        if (lengths.empty()) lengths.insert(std::llround(furthest));
+        all.insert(lengths.begin(), lengths.end());
+        labels[lengths].push_back(group.label);
     }
-    if (labels.size() < 2) return "";
+    if (all.size() < 2) return "";
     std::vector<std::string> parts;
     parts.reserve(labels.size());
-    for (const auto& [steps, of_them] : labels)
-        parts.push_back(fmt::format("{} ({})", steps, fmt::join(of_them, "; ")));
+    for (const auto& [lengths, of_them] : labels)
+        parts.push_back(fmt::format("{} ({})", fmt::join(lengths, " / "), fmt::join(of_them, "; ")));
     return fmt::format("{}", fmt::join(parts, ", "));
 }
 
@@ -384,7 +396,7 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
     add_labels(
         notes,
         "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
-        "human-normalised scores are none of whole games",
+        "human-normalised scores are those of shorter games",
         groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); }));
     add_labels(notes, fmt::format("Scores of runs that are the mean of fewer than {} games", kFewGames),
                groups_where(comparison, [](const Run& run) {
@@ -456,15 +468,16 @@ std::vector<Note> notes_on(const Comparison& comparison) {
         notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
     if (!comparison.left_out_baselines.empty())
         notes.push_back({"What is left out beside the runs:", sentences(comparison.left_out_baselines)});
-    add_labels(notes,
-               "Games with a single run, about whose spread nothing is known, so that there is no interval",
-               single);
+    add_labels(
+        notes,
+        "Groups with a single run in a game, which says nothing of its spread, so that there is no interval",
+        single);
     add_labels(notes,
                fmt::format("Fewer than {} runs per game, from which bootstrap intervals come out too narrow",
                            kFewRuns),
                few);
     add_labels(notes,
-               "Games with unequal numbers of runs; where scores are pooled, those with more count more",
+               "Groups with unequal numbers of runs; where scores are pooled, games with more count more",
                uneven);
     return notes;
 }
@@ -476,9 +489,12 @@ void require_runs(const FoundRuns& found) {
     if (found.left_out.empty())
         throw std::runtime_error(
             "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    throw std::runtime_error(fmt::format("none of the {} can be used; {}: {}",
-                                         counted(found.left_out.size(), "run"), found.left_out.front().what,
-                                         found.left_out.front().why));
+    const auto& [what, why] = found.left_out.front();
+    const auto count = found.left_out.size();
+    throw std::runtime_error(fmt::format(
+        "{}{}: {}",
+        count > 1 ? fmt::format("none of the {} runs can be used; ", count) : "the run cannot be used; ",
+        what, why));
 }
 
 bool Comparison::is_complete() const {

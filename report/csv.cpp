@@ -19,6 +19,11 @@ std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
     return std::runtime_error(fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, text));
 }
 
+std::string without_blanks(std::string_view text) {
+    const auto first = text.find_first_not_of(' '), last = text.find_last_not_of(' ');
+    return first == text.npos ? "" : std::string(text.substr(first, last - first + 1));
+}
+
 /// The cells of a line as csv_line() writes it, but for line breaks in a cell.
 std::vector<std::string> cells_of(std::string_view line) {
     if (line.find('"') == line.npos) return split(line, ',');
@@ -78,6 +83,8 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
             continue;
         }
         auto cells = cells_of(line);
+        if (by_hand)
+            for (auto& cell : cells) cell = without_blanks(cell);
         if (in_front) {
             table.columns = std::move(cells);
             continue;

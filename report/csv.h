@@ -38,8 +38,8 @@ CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes = std::st
 /// read_csv() for a file that is written at once. Throws std::runtime_error where it ends within a line, too.
 CsvTable read_whole_csv(const std::filesystem::path& path);
 
-/// read_csv() for a table that a person wrote: empty lines and those that start with '#' are passed over, and
-/// a last line without its end is both a row and the cut_line.
+/// read_csv() for a table that a person wrote: empty lines, those that start with '#', and blanks around a
+/// cell are passed over, and a last line without its end is both a row and the cut_line.
 CsvTable read_csv_by_hand(const std::filesystem::path& path);
 
 /// Throws std::runtime_error for a table whose file ends within a line.

@@ -48,7 +48,8 @@ std::size_t count_groups(const Runs& runs, const std::vector<std::string>& keys)
     return different.size();
 }
 
-/// As few settings as tell apart all that differ: one that splits no group further is passed over.
+/// As few settings as tell apart all that differ: one that splits no group further is passed over, and one
+/// that those behind it make needless.
 std::vector<std::string> distinguishing_keys(const Runs& runs) {
     std::vector<std::string> chosen;
     std::size_t groups = 1;
@@ -57,6 +58,11 @@ std::vector<std::string> distinguishing_keys(const Runs& runs) {
         const auto split = count_groups(runs, chosen);
         if (split == groups) chosen.pop_back();
         groups = split;
+    }
+    for (auto i = chosen.size(); i-- > 0;) {
+        auto others = chosen;
+        others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+        if (count_groups(runs, others) == groups) chosen = std::move(others);
     }
     return chosen;
 }

@@ -17,7 +17,7 @@ namespace cale {
 namespace {
 
 constexpr std::string_view kStyle = R"(
-:root { --paper: #ffffff; --ground: #f6f7f9; --ink: #333a45; --strong: #14181f; --faint: #6b7380;
+:root { --paper: #ffffff; --ground: #f6f7f9; --ink: #333a45; --strong: #14181f; --faint: #656d7a;
         --grid: #e6e9ed; --accent: #0072b2; --warn: #fff6e5; --warn-edge: #e69f00; }
 @media (prefers-color-scheme: dark) {
   :root { --paper: #191d23; --ground: #101318; --ink: #c9d0da; --strong: #f0f3f7; --faint: #949dab;
@@ -71,6 +71,11 @@ std::string inline_svg(const Picture& picture, bool with_data) {
                                                                      {kFaintInk, "var(--faint)"},
                                                                      {kGrid, "var(--grid)"}}};
     std::string svg = to_svg(picture, with_data);
+    // One picture to a screen reader, not a hundred words; and a browser shows no title over the page's
+    // values.
+    const auto title = fmt::format("<title>{}</title>\n", escaped(picture.title));
+    svg.erase(svg.find(title), title.size());
+    svg.insert(svg.find(' '), fmt::format(" role=\"img\" aria-label=\"{}\"", escaped(picture.title)));
     for (const auto& [colour, variable] : themes) {
         const auto fixed = fmt::format("\"{}\"", to_hex(colour)), themed = fmt::format("\"{}\"", variable);
         for (auto at = svg.find(fixed); at != svg.npos; at = svg.find(fixed, at + themed.size()))
@@ -177,7 +182,12 @@ std::string settings_section(const Comparison& comparison) {
         html += html_table(differing, "In which groups differ, of those that all groups have");
     if (const auto shared = shared_setting_table(comparison); !shared.rows.empty())
         html += html_table(shared, "That all runs share, or whose values all groups have");
-    return html + file_links({"settings.csv", "settings.tex", "settings.md"});
+    const auto has_settings = [](const Run& run) { return !run.settings.empty(); };
+    const bool listed = std::ranges::any_of(
+        comparison.groups, [&](const Group& group) { return std::ranges::any_of(group.runs, has_settings); });
+    std::vector<std::string> files{"settings.csv"};
+    if (listed) files.insert(files.end(), {"settings.tex", "settings.md"});
+    return html + file_links(files);
 }
 
 std::string method_section(const Comparison& comparison, const PageOrigin& origin) {

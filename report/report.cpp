@@ -1,15 +1,20 @@
 #include "report/report.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <fstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "cale/number.h"
 #include "report/figures.h"
 #include "report/tables.h"
 #include "storage/files.h"
@@ -54,10 +59,27 @@ fs::path other_file(const fs::path& folder, const std::vector<std::string>& name
     return {};
 }
 
-/// A new folder that is gone at the end, with what is still in it.
+constexpr std::string_view kPartial = ".partial-";
+
+/// Removes what reports that were killed have left in a folder.
+void remove_partial_folders(const fs::path& folder) {
+    std::error_code ignored;
+    std::vector<fs::path> abandoned;
+    for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+        const auto name = entry.path().filename().string();
+        if (!name.starts_with(kPartial)) continue;
+        const auto process = number_in<::pid_t>(std::string_view(name).substr(kPartial.size()));
+        if (process && ::kill(*process, 0) != 0 && errno == ESRCH) abandoned.push_back(entry.path());
+    }
+    for (const auto& path : abandoned) fs::remove_all(path, ignored);
+}
+
+/// A new folder of this process's that is gone at the end, with what is still in it.
 class PartialFolder {
   public:
-    explicit PartialFolder(fs::path path) : path_(std::move(path)) {
+    explicit PartialFolder(const fs::path& parent)
+        : path_(parent / fmt::format("{}{}", kPartial, ::getpid())) {
+        remove_partial_folders(parent);
         fs::remove_all(path_);
         fs::create_directories(path_);
     }
@@ -79,7 +101,7 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
                                    const fs::path& folder, bool with_script) {
     const auto pictures = figures(comparison);
     // The whole report is written before any of it takes the place of an earlier one.
-    const PartialFolder partial(folder / fmt::format(".partial-{}", ::getpid()));
+    const PartialFolder partial(folder);
     std::vector<std::string> names;
     const auto next = [&](const std::string& name) { return partial.path() / names.emplace_back(name); };
     write_file_atomically(next("report.html"), to_html(comparison, pictures, origin, with_script));

@@ -86,7 +86,12 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
         try {
             env_id = metadata.value("env_id", env_id);
             run.agent = metadata.value("exp_name", run.agent);
-            run.seed = metadata.value("seed", run.seed);
+            if (const auto seed = metadata.find("seed"); seed != metadata.end()) {
+                if (!seed->is_number_unsigned())
+                    throw std::runtime_error(fmt::format("{} is damaged: its seed is {}, no whole number",
+                                                         path.string(), seed->dump()));
+                run.seed = seed->get<std::uint64_t>();
+            }
             run.finished = metadata.value("finished", false);
             run.made_with = fmt::format("cale {}, ALE {}, LibTorch {}", metadata.value("cale", "?"),
                                         metadata.value("ale", "?"), metadata.value("libtorch", "?"));
@@ -107,6 +112,17 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
 /// 0 where the run does not say.
 double number_or_0(const Run& run, const std::string& key) {
     return number_of(run, key).value_or(0);
+}
+
+/// Calls read() for what a run can do without: damage to it is one of the run's doubts.
+template <class Read>
+void read_besides(Run& run, std::string_view what, const Read& read) {
+    try {
+        read();
+    } catch (const std::exception& error) {
+        run.doubts.push_back(
+            fmt::format("{}: its {} are left out: {}", run.folder.string(), what, error.what()));
+    }
 }
 
 /// Agent steps of the iteration whose games make the score.
@@ -134,19 +150,21 @@ struct Progress {
 };
 
 /// What all files but episodes.csv say, the largest.
-Progress progress_of(const fs::path& folder) {
+Progress progress_of(Run& run) {
     Progress progress;
-    if (const auto checkpoints = named_by_step(folder / "checkpoints"); !checkpoints.empty())
+    if (const auto checkpoints = named_by_step(run.folder / "checkpoints"); !checkpoints.empty())
         progress.checkpoint = checkpoints.back();
     const auto add = [&](double step, const fs::path& file) {
         if (step <= progress.step) return;
         progress.step = step;
         progress.file = file;
     };
-    if (const auto file = folder / "progress.csv"; fs::exists(file) && !fs::is_empty(file)) {
-        const auto& table = progress.rows = read_csv(file);
-        const auto column = table.find("global_step");
-        if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
+    if (const auto file = run.folder / "progress.csv"; fs::exists(file) && !fs::is_empty(file)) {
+        read_besides(run, "rows of progress", [&] {
+            const auto& table = progress.rows = read_csv(file);
+            const auto column = table.find("global_step");
+            if (column && !table.rows.empty()) add(table.number(table.rows.size() - 1, *column), file);
+        });
     }
     if (const auto step = step_in(progress.checkpoint)) add(static_cast<double>(*step), progress.checkpoint);
     return progress;
@@ -355,13 +373,8 @@ void read_training_run(Run& run, const EpisodeHistory& episodes, const Progress&
     read_scores(run, episodes);
     run.settings.erase("eval.noop_max");
     if (const auto file = run.folder / "joystick_events.csv"; fs::exists(file))
-        run.event_shares = read_event_shares(file);
-    try {
-        read_rewards(run, evaluations_of(run.folder).folder);
-    } catch (const std::exception& error) {
-        run.doubts.push_back(
-            fmt::format("{}: its rewards are left out: {}", run.folder.string(), error.what()));
-    }
+        read_besides(run, "joystick events", [&] { run.event_shares = read_event_shares(file); });
+    read_besides(run, "rewards", [&] { read_rewards(run, evaluations_of(run.folder).folder); });
 }
 
 /// The same of its evaluations.
@@ -387,7 +400,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     read_identity(run, episodes);
     set_rules(run, run.settings);
     run.total_steps = number_or_0(run, "train.total_steps");
-    auto progress = progress_of(folder);
+    auto progress = progress_of(run);
     if (const auto copy = progress.checkpoint / "config.yaml"; run.settings.empty() && fs::exists(copy))
         throw std::runtime_error(fmt::format("{} is missing or empty; copy {} there",
                                              (folder / "config.yaml").string(), copy.string()));
@@ -404,7 +417,7 @@ Run read_run(const fs::path& folder, ScoreKind kind) {
     for (const auto name : kWithoutEffect) run.settings.erase(std::string(name));
     std::erase_if(run.settings,
                   [](const auto& setting) { return is_game_or_seed(setting.first); });  // Run has them
-    run.zones = zones_in(progress.rows);
+    read_besides(run, "zones", [&] { run.zones = zones_in(progress.rows); });
     return run;
 }
 

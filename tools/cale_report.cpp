@@ -102,7 +102,7 @@ Beside read_beside(const Options& options) {
         } else if (has_groups && !shipped) {
             throw std::invalid_argument(fmt::format("--baselines {}: {} has no such group; there are {}",
                                                     name, own.string(), fmt::join(groups, "; ")));
-        } else {
+        } else if (!contains(published, name)) {
             published.push_back(name);
         }
     }
@@ -117,8 +117,11 @@ Beside read_beside(const Options& options) {
             read_baselines(shipped ? read_csv_by_hand(data_file("reference_scores.csv")) : table, published);
     } catch (const std::invalid_argument& error) {
         if (!shipped) throw;
-        throw std::invalid_argument(
-            fmt::format("{}; cale's own are {}", error.what(), fmt::join(groups, "; ")));
+        std::string hint = "; --baselines cale has all of cale's own";
+        for (const auto& name : published)
+            if (const auto guess = nearest(name, groups); !guess.empty())
+                hint = fmt::format("; cale's own has '{}'", guess);
+        throw std::invalid_argument(error.what() + hint);
     }
     return beside;
 }
@@ -132,8 +135,9 @@ std::map<std::string, std::string> names_of_groups(const std::vector<std::string
         if (equals == text.npos || equals == 0 || equals + 1 == text.size())
             throw std::invalid_argument(
                 fmt::format("--name {}: expected LABEL=NAME, such as 'sac, phi_dqn=SAC'", text));
-        if (std::ranges::any_of(text, [](unsigned char c) { return std::iscntrl(c) != 0; }))
-            throw std::invalid_argument(fmt::format("--name {}: it holds a control character", text));
+        if (printable(text) != text)
+            throw std::invalid_argument(
+                fmt::format("--name {}: it holds a control character, or is not UTF-8", text));
         if (!names.emplace(text.substr(0, equals), text.substr(equals + 1)).second)
             throw std::invalid_argument(
                 fmt::format("--name {}: this group has been given another name already", text));
@@ -171,6 +175,8 @@ void report(Options options) {
     if (const auto pairs = improvement_table(comparison);
         !pairs.rows.empty() && pairs.rows.size() <= kMostPairs)
         fmt::print("{}\n", to_text(pairs));
+    else if (pairs.rows.size() > kMostPairs)
+        fmt::print("P(X > Y) of {} pairs of groups: probability_of_improvement.csv\n\n", pairs.rows.size());
     for (const auto& note : comparison.notes) {
         fmt::print("note: {}\n", printable(note.text));
         for (const auto& item : note.items) fmt::print("  {}\n", printable(item));

@@ -152,6 +152,15 @@ TEST_F(Comparing, SaysWhatTheSettingsOfRunsMakeOfTheirScores) {
     EXPECT_THAT(lines, Contains(testing::MatchesRegex("Runs end before the first update .*: sac\\.")));
 }
 
+TEST_F(Comparing, RunsOfDifferentLengthsInAGroupAreNamed) {
+    folders_.run("a", "sac", "Pong", 1, {-20}, "train: {total_steps: 100}\n");
+    folders_.run("b", "sac", "Pong", 2, {-20, -19}, "train: {total_steps: 200}\n");
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    EXPECT_THAT(lines_of(compared({}, config).notes),
+                Contains("Groups have runs of different lengths, in agent steps: 100 / 200 (sac)."));
+}
+
 TEST_F(Comparing, TheBestMeanIsBoldUnlessAllShareIt) {
     for (const auto* game : {"Pong", "Boxing"}) {
         folders_.run(fmt::format("a_{}", game), "sac", game, 1, {1});
@@ -185,6 +194,18 @@ TEST_F(Comparing, BaselinesNeedAllTheGames) {
     } catch (const std::runtime_error& error) {
         EXPECT_EQ(error.what(),
                   twice.string() + ": line 4 has Pong again: a table of scores has a game once");
+    }
+    const auto by_hand = folders_.write("by_hand.csv", "game, mine\nPong, 3\nSurround, 4\n");
+    EXPECT_EQ(read_baselines(read_csv_by_hand(by_hand), {"mine"}).at(0).scores.at("Pong"), 3);
+    for (const auto& [row, sentence] : {std::pair{"Pnog,3", ": line 2: there is no game 'Pnog'"},
+                                        {"Pong,1e308", "line 2 has a score of 1e+308"}}) {
+        const auto bad = folders_.write("bad.csv", fmt::format("game,mine\n{}\n", row));
+        try {
+            read_baselines(read_csv_by_hand(bad), {"mine"});
+            FAIL();
+        } catch (const std::runtime_error& error) {
+            EXPECT_THAT(error.what(), HasSubstr(sentence));
+        }
     }
     try {
         read_baselines(read_csv_by_hand(csv), {"cale60"});

@@ -198,6 +198,7 @@ TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {
     const auto page = read(folder / "report.html");
     std::filesystem::remove(folder / "scores.csv");
     std::filesystem::create_directories(folder / "scores.csv/of a user");
+    std::filesystem::create_directory(folder / ".partial-2147483647");  // of a report that was killed
     EXPECT_THROW(write_report(data, {.command = "another"}, folder), std::exception);
     EXPECT_EQ(read(folder / "report.html"), page);
     for (const auto& entry : std::filesystem::directory_iterator(folder))

@@ -182,6 +182,36 @@ TEST_F(Runs, ZonesAreThoseOfTheRowsThatHaveThem) {
     EXPECT_THAT(found().runs.at(0).zones, IsEmpty());
 }
 
+TEST_F(Runs, DamageBesideTheScoresIsADoubt) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    const auto doubt = [&](const std::string& file, const std::string& text) {
+        const auto path = folders_.write("a/" + file, text);
+        const auto all = found();
+        std::filesystem::remove(path);
+        EXPECT_THAT(all.left_out, IsEmpty());
+        return all.runs.at(0).doubts.at(0);
+    };
+    EXPECT_THAT(doubt("progress.csv", "global_st"), HasSubstr("its rows of progress are left out: "));
+    EXPECT_THAT(doubt("progress.csv", "global_step,frame\n100\n"),
+                HasSubstr("progress.csv is damaged: line 2"));
+    EXPECT_THAT(doubt("joystick_events.csv", "event,count\nNOOP,1\nFI"),
+                HasSubstr("its joystick events are"));
+    EXPECT_THAT(doubt("progress.csv",
+                      "global_step,zones/centre,zones/right,zones/up_right,zones/up,zones/up_left,"
+                      "zones/left,zones/down_left,zones/down,zones/down_right\n"
+                      "100,1,,0,0,0,0,0,0,0\n"),
+                HasSubstr("its zones are left out: "));
+}
+
+TEST_F(Runs, ASeedIsAWholeNumber) {
+    for (const auto* seed : {"\"12\"", "-1", "1.7"}) {
+        folders_.run("a", "sac", "Pong", 1, {-21});
+        folders_.write("a/metadata.json", fmt::format("{{\"seed\": {}}}", seed));
+        EXPECT_THAT(found().left_out.at(0).why,
+                    HasSubstr(fmt::format("its seed is {}, no whole number", seed)));
+    }
+}
+
 TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
     folders_.run("a", "sac", "Pong", 1, {-21});
     folders_.write("a/eval/step_000000900.csv", "episode,return,length,frames\n0,-10,1,4\n1,-20,1,4\n");
@@ -541,6 +571,13 @@ TEST_F(Runs, GroupsAreInTheOrderOfTheirNumbers) {
     for (const auto* rate : {"10", "3", "1e-4", "0.5", "2e-3"})
         folders_.run(rate, "sac", "Pong", 1, {1}, fmt::format("agent: {{rate: {}}}\n", rate));
     EXPECT_THAT(labels(), ElementsAre("rate=1e-4", "rate=2e-3", "rate=0.5", "rate=3", "rate=10"));
+}
+
+TEST_F(Runs, ASettingThatAnotherMakesNeedlessNamesNoGroup) {
+    for (int i = 0; i < 4; ++i)
+        folders_.run(fmt::format("{}", i), "sac", "Pong", 1, {-21},
+                     fmt::format("agent: {{alpha: {}, beta: {}, zeta: {}}}\n", i > 0, i > 1, i));
+    EXPECT_THAT(labels(), ElementsAre("zeta=0", "zeta=1", "zeta=2", "zeta=3"));
 }
 
 TEST_F(Runs, ShareTheSettingsInWhichNoGroupDiffers) {
