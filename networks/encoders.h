@@ -46,8 +46,8 @@ Initialiser initialiser_of(const EncoderConfig& config);
 
 /// The layers of an encoder: [B, observation] uint8 -> [B, features()]. They are submodules of the owner that
 /// it is made with, named conv1, conv2, ..., stage1_conv, ... or fc1, fc2. Bytes are divided by 255. phi_sac
-/// starts orthogonal, the others Glorot. (Dopamine has an impala for CALE that no configuration uses and that
-/// neither scales nor flattens; this one does both.)
+/// starts orthogonal, the others Glorot. (Dopamine has an impala for CALE that no configuration uses, which
+/// neither scales nor flattens nor ends with a ReLU, as this one does.)
 class Trunk {
   public:
     /// Throws as trunk_layers() does, and for an observation without pixels.

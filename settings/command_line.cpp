@@ -168,8 +168,10 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
         }
         if (argument.starts_with("-")) throw ConfigError(unknown_option(argument, table));
         if (argument.find('=') == std::string::npos) {
-            throw ConfigError(
-                fmt::format("unexpected argument '{}'; settings are given as KEY=VALUE", argument));
+            const bool is_file = argument.ends_with(".yaml") || argument.ends_with(".yml");
+            throw ConfigError(fmt::format("unexpected argument '{}'; {}", argument,
+                                          is_file ? "a file of settings is given by --config FILE"
+                                                  : "settings are given as KEY=VALUE"));
         }
         auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
         overrides.push_back(argument);

@@ -46,10 +46,24 @@ std::string quoted(const std::string& text) {
 
 // ---- keys ---------------------------------------------------------------------------
 
+/// The only key of the section whose name has this one's in it, as total_steps has steps; empty: there is
+/// none.
+std::string longer_key(std::string_view key, const std::vector<std::string>& keys) {
+    constexpr std::size_t kFewestLetters = 4;
+    const auto name = name_of(key);
+    const auto is_longer = [&](const std::string& other) {
+        return section_of(other) == section_of(key) && name_of(other).find(name) != std::string::npos;
+    };
+    const auto found = std::ranges::find_if(keys, is_longer);
+    const bool only = name.size() >= kFewestLetters && std::ranges::count_if(keys, is_longer) == 1;
+    return only ? *found : "";
+}
+
 std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
     std::vector<std::string> keys(entries.size());
     std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
-    auto guess = nearest(key, keys);
+    auto guess = longer_key(key, keys);
+    if (guess.empty()) guess = nearest(key, keys);
     if (guess.empty()) {
         // The right name in the wrong section, or without one.
         std::vector<std::string> names(keys.size());
@@ -156,8 +170,10 @@ class YamlReader {
             }
             if (!settings.IsMap()) fail(file, section, unknown_key(name, table_.entries()));
             const auto guess = did_you_mean(name, sections);
-            const auto hint =
-                guess.empty() ? fmt::format("; there are {}", fmt::join(sections, ", ")) : guess;
+            const auto hint = !guess.empty() ? guess
+                              : sections.size() == 1
+                                  ? fmt::format("; the only one here is {}", sections.front())
+                                  : fmt::format("; there are {}", fmt::join(sections, ", "));
             fail(file, section, fmt::format("unknown section '{}'{}", name, hint));
         }
         if (settings.IsNull()) return;

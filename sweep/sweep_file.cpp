@@ -389,8 +389,8 @@ class RunMaker {
             if (key == "train.seed") seed = value;
         }
         if (agent.empty()) missing("agent", "agent: sac");
-        if (run.game.empty()) missing("env.game", "env.game: [pong, breakout]");
-        if (seed.empty()) missing("train.seed", "train.seed: 1..5");
+        if (run.game.empty()) missing("env.game", "env.game: [pong, breakout]", run.settings);
+        if (seed.empty()) missing("train.seed", "train.seed: 1..5", run.settings);
         run.agent = agent;
         if (!config.empty()) {
             if (const auto at = config.find("{agent}"); at != std::string::npos) config.replace(at, 7, agent);
@@ -413,8 +413,15 @@ class RunMaker {
     }
 
   private:
-    [[noreturn]] void missing(std::string_view key, std::string_view example) const {
-        throw ConfigError(fmt::format("{}: {} is missing; add '{}'", file_.string(), key, example));
+    /// `settings`: those of a run, of which one may be the key misspelt.
+    [[noreturn]] void missing(std::string_view key, std::string_view example,
+                              const std::vector<Setting>& settings = {}) const {
+        std::vector<std::string> keys;
+        for (const auto& setting : settings) keys.push_back(setting.key);
+        const auto misspelt = nearest(key, keys);
+        const auto remedy = misspelt.empty() ? fmt::format("add '{}'", example)
+                                             : fmt::format("did you mean it by '{}'?", misspelt);
+        throw ConfigError(fmt::format("{}: {} is missing; {}", file_.string(), key, remedy));
     }
 
     const fs::path& file_;

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <filesystem>
 #include <iostream>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <thread>
@@ -120,7 +121,10 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     // Without pictures a network's products are too small to be shared: two threads are no faster than one,
     // and far slower where another program takes one of the cores.
     if (program.spec().observation.shape.size() < 2) return 1;
-    const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / processes_here);
+    // OMP_NUM_THREADS is the user's word, but with several processes torchrun's.
+    const int most = processes_here > 1 ? std::numeric_limits<int>::max() : at::get_num_threads();
+    const int all = std::min(static_cast<int>(std::thread::hardware_concurrency()), most);
+    const int cores = std::max(1, all / processes_here);
     const auto env_threads = static_cast<int>(world.threads);
     // Environments that step during an update keep their cores. An agent that learns beside many steps leaves
     // them time enough on all (docs/performance.md).

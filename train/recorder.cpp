@@ -466,8 +466,11 @@ std::string Recorder::closing_line() const {
     auto text = fmt::format("Mean return of the last {} in training: {:.1f}", counted(newest.size(), "game"),
                             *mean_return);
     if (const auto floor = world_.random_score) {
-        text += fmt::format(", {:.1f} {} than random play ({:.1f})", std::abs(*mean_return - *floor),
-                            *mean_return < *floor ? "less" : "more", *floor);
+        // The difference of the numbers as they are shown.
+        const auto shown = [](double value) { return std::round(10 * value) / 10; };
+        const double more = shown(*mean_return) - shown(*floor);
+        text += fmt::format(", {:.1f} {} than random play ({:.1f})", std::abs(more),
+                            more < 0 ? "less" : "more", *floor);
     }
     return text + "\n";
 }

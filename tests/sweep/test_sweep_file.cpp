@@ -295,6 +295,8 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("grid: {env.game: pong, train.seed: 1}\n"), HasSubstr("agent is missing"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 1}\n"), HasSubstr("env.game is missing"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong}\n"), HasSubstr("train.seed is missing"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.sed: 1}\n"),
+                HasSubstr("train.seed is missing; did you mean it by 'train.sed'?"));
     EXPECT_THAT(mistake(small_ + "set: {agent: der}\n"), HasSubstr("'agent' is there twice"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.seed: 1, config: [a/x.yaml, b/x.yaml]}\n"),
                 HasSubstr("two different runs would be called Pong__sac__config=x__1"));

@@ -324,6 +324,7 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
              {"env.gmae=pong", "env.game"},
              {"env.game=pongg", "pong"},
              {"env.game=pong,breakout", "for a run of each game there is `cale sweep`"},
+             {"train.steps=100", "did you mean 'train.total_steps'?"},
              {"agent.encoder=IMPALA", "did you mean 'impala'?"},
              {"train.seed=12345678901234567890", "0 to 4294967295"},
              {"env.threshold=1.5", "0 to 1"},
