@@ -82,8 +82,8 @@ CALE_POLICY_API void cale_session_free(cale_session* session);
 CALE_POLICY_API int cale_session_start(cale_session* session, const uint8_t* screen, size_t size);
 CALE_POLICY_API int cale_session_see(cale_session* session, const uint8_t* screen, size_t size);
 CALE_POLICY_API int cale_session_lose_life(cale_session* session);
-/* 1: a decision is due: at the start, then after every frame_skip frames. 0: none is, or `session` is NULL.
- */
+/* 1: a decision is due: at the start, then after every frame_skip frames. 0: none is, or `session` is
+ * NULL. */
 CALE_POLICY_API int cale_session_due(const cale_session* session);
 /* The decision that is due; where none is, one on the newest observation. */
 CALE_POLICY_API int cale_session_act(cale_session* session, int choice, cale_decision* decision);

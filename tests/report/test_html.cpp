@@ -56,6 +56,8 @@ TEST_F(Html, SaysAllThatAReaderNeeds) {
     EXPECT_THAT(html, HasSubstr("<th scope=\"row\" class=\"name\">Pong</th>"));
     EXPECT_THAT(html, HasSubstr("100 resamples"));
     EXPECT_THAT(html, Not(HasSubstr("dqn<b>")));
+    EXPECT_THAT(html, HasSubstr("<svg role=\"img\" aria-label=\""));
+    EXPECT_THAT(html, Not(HasSubstr("<svg xmlns"))) << "a picture that a screen reader reads word by word";
 }
 
 TEST_F(Html, SaysWhatIsMissingAboveTheFigures) {
