@@ -90,10 +90,9 @@ cale_decision plain(const cale::Decision& decision) {
             decision.strength};
 }
 
-int decide(cale_session* session, std::span<const std::uint8_t> observation, int choice,
+int decide(cale_session* session, std::span<const std::uint8_t> observation, cale::Choice choice,
            cale_decision* decision) {
-    *decision =
-        plain(session->policy.act(observation, session->workspace, choice_of(choice), session->random));
+    *decision = plain(session->policy.act(observation, session->workspace, choice, session->random));
     return 1;
 }
 
@@ -203,10 +202,10 @@ int cale_session_act(cale_session* session, int choice, cale_decision* result) {
     return guarded(0, [&] {
         auto& observer = observer_of(session);
         require(result, "the place for the decision");
-        static_cast<void>(choice_of(choice));  // is one
+        const auto chosen = choice_of(choice);
         if (!session->started)
             throw std::logic_error("no game has begun in this session: call cale_session_start() first");
-        return decide(session, observer.observation(), choice, result);
+        return decide(session, observer.observation(), chosen, result);
     });
 }
 
@@ -216,7 +215,7 @@ int cale_session_act_on(cale_session* session, const uint8_t* observation, size_
         require(session, "the session");
         require(observation, "the observation");
         require(result, "the place for the decision");
-        return decide(session, {observation, size}, choice, result);
+        return decide(session, {observation, size}, choice_of(choice), result);
     });
 }
 

@@ -170,10 +170,8 @@ class YamlReader {
             }
             if (!settings.IsMap()) fail(file, section, unknown_key(name, table_.entries()));
             const auto guess = did_you_mean(name, sections);
-            const auto hint = !guess.empty() ? guess
-                              : sections.size() == 1
-                                  ? fmt::format("; the only one here is {}", sections.front())
-                                  : fmt::format("; there are {}", fmt::join(sections, ", "));
+            const auto* const all = sections.size() == 1 ? "the only one here is" : "there are";
+            const auto hint = guess.empty() ? fmt::format("; {} {}", all, fmt::join(sections, ", ")) : guess;
             fail(file, section, fmt::format("unknown section '{}'{}", name, hint));
         }
         if (settings.IsNull()) return;
