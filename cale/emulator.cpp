@@ -166,10 +166,12 @@ Emulator::Emulator(const Game& game, const std::filesystem::path& rom_file, floa
         require_one_of(modes(), *variant.mode, "mode", game);
         impl_->ale->setMode(static_cast<ale::game_mode_t>(*variant.mode));
     }
-    if (variant.difficulty) {
-        require_one_of(difficulties(), *variant.difficulty, "difficulty", game);
-        impl_->ale->setDifficulty(static_cast<ale::difficulty_t>(*variant.difficulty));
-    }
+    const auto known = difficulties();
+    if (variant.difficulty) require_one_of(known, *variant.difficulty, "difficulty", game);
+    // ALE begins with difficulty 0, in which Backgammon only sets up its board.
+    const bool has_default = std::ranges::find(known, 0) != known.end();
+    if (variant.difficulty || !has_default)
+        impl_->ale->setDifficulty(static_cast<ale::difficulty_t>(variant.difficulty.value_or(known.front())));
 }
 Emulator::~Emulator() = default;
 Emulator::Emulator(Emulator&&) noexcept = default;

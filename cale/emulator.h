@@ -27,7 +27,7 @@ std::string rom_name(const std::filesystem::path& rom_file);
 /// Which of a game's variants is played, as the console's switches choose it.
 struct GameVariant {
     std::optional<std::int64_t> mode;        // none: the game's own default
-    std::optional<std::int64_t> difficulty;  // none: 0
+    std::optional<std::int64_t> difficulty;  // none: 0, or the lowest that the game has
 };
 
 /// Different emulators may be used on different threads at the same time.
@@ -68,15 +68,15 @@ class Emulator {
     /// Returns the state needed to reproduce everything after reset(), as bytes: the console, the score, the
     /// generator of the sticky actions.
     std::string state() const;
-    /// Restores what state() returned; reset() must be called next. Includes what ALE 0.12.1 omits from its
-    /// own state: whether the last frame was cut short, and the previous action, which would stick. Throws
+    /// Restores what state() returned; reset() must be called next, which sets what ALE 0.12.1 omits from its
+    /// state: whether the last frame was cut short, and the previous action, which would stick. Throws
     /// std::runtime_error for invalid bytes, after which the console must be reset.
     void restore(const std::string& state);
 
     bool game_over() const;  // until reset()
     int lives() const;       // 0 in games that have none
     /// Frames acted since the ROM was loaded, and since the game began. Of the frames of a reset, only those
-    /// count in which a few games' menus are operated.
+    /// count in which menus are operated, as in a few games and for many a mode.
     std::int64_t frame_number() const;
     std::int64_t episode_frame_number() const;  // since the game began
     std::span<const std::uint8_t> ram() const;  // the console's 128 bytes

@@ -252,6 +252,12 @@ struct Env::Impl {
         held = actions.empty() ? FrameAction(ContinuousAction{}) : FrameAction(Event::noop);
         seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
+        if (emulator.game_over()) {
+            throw std::invalid_argument(
+                "in ALE " + variant_name(config) +
+                " is over as soon as it begins: choose another env.mode or env.difficulty (cale games " +
+                config.game + " lists them)");
+        }
         frames.start(emulator.screen());
         if (moving_stick) moving_stick->centre(motion_generator);
         if (sees_late()) {

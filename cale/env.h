@@ -50,7 +50,7 @@ struct EnvConfig {
     std::optional<std::int64_t> mode{};
     std::optional<std::int64_t> difficulty{};
     std::int64_t num_envs = 1;
-    std::int64_t env_threads = 0;  // at most one per environment; 0: as many as there are cores
+    std::int64_t env_threads = 0;  // at most one per environment; 0: one per usable core
     Obs obs = Obs::pixels;
     bool observe_joystick = false;
     ActionSet action_space = ActionSet::continuous;
@@ -77,7 +77,7 @@ void fields(EnvConfig& config, Visit&& visit) {
           "folder of the ROM files; empty: ALE_ROMS_DIR, else what scripts/setup installed");
     visit("mode", config.mode, Range{0, 255}, "the game's mode (cale games GAME); none: its default");
     visit("difficulty", config.difficulty, Range{0, 3},
-          "the console's difficulty switches (cale games GAME); none: 0");
+          "the console's difficulty switches (cale games GAME); none: 0, or the lowest that the game has");
     visit("num_envs", config.num_envs, Range{1, 1024}, "environments that step together");
     visit("env_threads", config.env_threads, Range{0, 1024},
           "threads that step them, at most one for each; 0: as many as there are cores");

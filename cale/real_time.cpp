@@ -46,7 +46,8 @@ void require(bool fits, const char* what) {
 FrameAction action_of(const EnvConfig& config, std::span<const Event> events, const Actions& actions) {
     const bool factored = events.empty() && coordinates(config) == Joystick::factored;
     if (const auto* const numbers = std::get_if<std::span<const std::int64_t>>(&actions)) {
-        require(numbers->size() == 1 && (factored || !events.empty()), "its action is a joystick's position");
+        require(factored || !events.empty(), "its action is a joystick's position");
+        require(numbers->size() == 1, "it takes one action");
         const auto number = numbers->front();
         if (factored) return factored_stick(number);
         if (number >= 0 && number < std::ssize(events)) return events[static_cast<std::size_t>(number)];

@@ -35,9 +35,11 @@ std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir
         if (std::filesystem::is_regular_file(folder / file, unreadable)) return folder / file;
         searched += (searched.empty() ? "" : ", ") + folder.string();
     }
-    throw std::runtime_error(
-        "the ROM file " + file + " is not in " + searched +
-        ": run scripts/setup, or let env.rom_dir or ALE_ROMS_DIR name a folder that has it");
+    throw std::runtime_error("the ROM file " + file + " is not in " + searched +
+                             (rom_dir.empty()
+                                  ? ": run scripts/setup, or let env.rom_dir or ALE_ROMS_DIR name a "
+                                    "folder that has it"
+                                  : ": let env.rom_dir name a folder that has it, or leave it out"));
 }
 
 std::vector<std::filesystem::path> find_roms(const EnvConfig& config) {

@@ -11,6 +11,8 @@
 #include <thread>
 #include <utility>
 
+#include "cale/cores.h"
+
 namespace cale {
 namespace {
 
@@ -180,7 +182,9 @@ struct VectorEnv::Impl {
 };
 
 VectorEnv::VectorEnv(const EnvConfig& config, std::span<const std::uint32_t> seeds) {
-    if (config.num_envs < 1) throw std::invalid_argument("num_envs must be at least 1");
+    if (config.num_envs < 1)
+        throw std::invalid_argument("env.num_envs is " + std::to_string(config.num_envs) +
+                                    ": it must be at least 1");
     cale::action_space(config);  // throws for games that do not go together
     require_size(seeds.size(), static_cast<std::size_t>(config.num_envs), "seeds of environments");
     impl_ = std::make_unique<Impl>(config, seeds);
@@ -190,8 +194,7 @@ VectorEnv::VectorEnv(VectorEnv&&) noexcept = default;
 VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
 
 std::int64_t VectorEnv::threads(const EnvConfig& config) {
-    const std::int64_t cores = std::max(1u, std::thread::hardware_concurrency());
-    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : cores;
+    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : std::ssize(usable_cores());
     return std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, config.num_envs));
 }
 

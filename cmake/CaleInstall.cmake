@@ -51,10 +51,11 @@ if(programs)
 endif()
 
 # cale-NAME.pc: what a program without CMake says to the compiler and to the linker. VARIABLE names a dependency's
-# place, so that pkg-config --define-variable can name another.
+# place, so that pkg-config --define-variable can name another; a space in it would end an argument.
 function(cale_pkg_config library component description)
     cmake_parse_arguments(PARSE_ARGV 3 arg "" "VARIABLE;CFLAGS;LIBS" "")
     string(REPLACE _ - name cale-${library})
+    string(REPLACE " " "\\ " arg_VARIABLE "${arg_VARIABLE}")
     configure_file(${PROJECT_SOURCE_DIR}/cmake/cale.pc.in ${PROJECT_BINARY_DIR}/${name}.pc @ONLY)
     install(FILES ${PROJECT_BINARY_DIR}/${name}.pc DESTINATION ${pkgconfig_dir} COMPONENT ${component})
 endfunction()

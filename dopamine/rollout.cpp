@@ -66,7 +66,7 @@ void DopamineRollout::store_step(const torch::Tensor& actions, std::span<const S
         }
         // An episode's end may store more than fits: the reference drops its oldest element and moves the one
         // that has just come into the gap, so that the surplus comes to lie in front.
-        elements_.at(surplus_++) = std::move(element);
+        elements_[surplus_++ % elements_.size()] = std::move(element);
     });
     steps = static_cast<std::int64_t>(elements_.size());
     if (full()) lay_out_elements();
@@ -128,7 +128,7 @@ void DopamineRollout::restore(const std::map<std::string, torch::Tensor>& state)
     };
     // The newest frame of an element's observation is the one that its action was chosen on.
     const auto acted_on = element_frames.select(1, 0).select(1, config.observation.stack - 1);
-    if (count > config.length || surplus < 0 || surplus >= config.length || !known(element_frames) ||
+    if (count > config.length || surplus < 0 || !known(element_frames) ||
         (acted_on == kBlankFrame).any().item<bool>() || !known(window_frames) ||
         (window_frames == kBlankFrame).any().item<bool>() || window_frames.size(0) > accumulator_.max_steps())
         throw std::runtime_error("the parts of a stored rollout contradict each other");

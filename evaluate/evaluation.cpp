@@ -220,16 +220,17 @@ void drop_games_after(std::vector<EvaluatedGame>& games, std::int64_t steps) {
 
 void add_up(Evaluation& evaluation) {
     const auto n = static_cast<double>(evaluation.games.size());
+    if (evaluation.games.empty()) return;
     for (const auto& game : evaluation.games) {
-        evaluation.mean_return += game.episode_return / n;
+        evaluation.mean_return += game.episode_return;
         for (std::size_t i = 0; i < kEventCount; ++i) evaluation.events[i] += game.events[i];
         for (const auto& [reward, count] : game.rewards) evaluation.rewards[reward] += count;
     }
-    double variance = 0;
-    for (const auto& game : evaluation.games) {
-        variance += std::pow(game.episode_return - evaluation.mean_return, 2) / n;
-    }
-    evaluation.standard_deviation = std::sqrt(variance);
+    evaluation.mean_return /= n;  // the sum of whole numbers is exact
+    double squares = 0;
+    for (const auto& game : evaluation.games)
+        squares += std::pow(game.episode_return - evaluation.mean_return, 2);
+    evaluation.standard_deviation = std::sqrt(squares / n);
 }
 
 }  // namespace
@@ -287,6 +288,12 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
             numbers.push_back(*number);
         }
         if (active.empty()) break;
+        if (plan.stop && plan.stop()) {
+            evaluation.interrupted = true;
+            evaluation.games.resize(static_cast<std::size_t>(std::ranges::min(numbers)));
+            games.clear();  // their films end
+            break;
+        }
         if (some_begin) begin_games(plan, active, numbers, stack, games);
 
         const auto count = std::ssize(active);
@@ -312,7 +319,7 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
     for (auto number = std::ssize(evaluation.games); number < schedule.begun() && !plan.step_logs.empty();
          ++number)
         std::filesystem::remove(step_log_file(plan, number));
-    if (!plan.video.empty() && plan.filmed_game >= std::ssize(evaluation.games))
+    if (!plan.video.empty() && plan.filmed_game >= std::ssize(evaluation.games) && !evaluation.interrupted)
         std::filesystem::remove(plan.video);
     add_up(evaluation);
     return evaluation;

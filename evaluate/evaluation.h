@@ -51,6 +51,7 @@ struct Evaluation {
     std::map<float, std::int64_t> rewards{};  // the same
     double mean_return = 0;                   // over the games
     double standard_deviation = 0;            // of the returns, divided by n
+    bool interrupted = false;                 // by EvaluationPlan::stop: there are fewer games than planned
 };
 
 /// As EvaluationPlan::games or steps: no limit.
@@ -75,6 +76,9 @@ struct EvaluationPlan {
     /// Called after each game, in the order in which they end.
     std::function<void(std::int64_t number, const EvaluatedGame&)> ended{};
     std::function<void(std::int64_t steps)> stepped{};  // called after so many agent steps, of all games
+    /// Asked before each step. Where it says true, the evaluation ends with the games before the first that
+    /// has not ended: of games under way at a time the short ones end first.
+    std::function<bool()> stop{};
 };
 
 /// DER's evaluation in Dopamine (DataEfficientAtariRunner): 100 fresh games that begin with 0 to 29

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include <ATen/Parallel.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -53,6 +54,9 @@ std::string random_play(const EnvConfig& env) {
 /// "100", or "3 of 100 (none begins after 2000 agent steps)".
 std::string games_text(const EvaluationPlan& plan, const Evaluation& evaluation) {
     const auto played = std::ssize(evaluation.games);
+    if (evaluation.interrupted && plan.games != kNoLimit)
+        return fmt::format("{} of {}, as it was interrupted", played, plan.games);
+    if (evaluation.interrupted) return fmt::format("{}, as it was interrupted", played);
     if (played >= plan.games || plan.games == kNoLimit) return fmt::format("{}", played);
     return fmt::format("{} of {} (none begins after {} agent steps)", played, plan.games, plan.steps);
 }
@@ -67,7 +71,7 @@ ReturnSummary summary_of(const EvaluationPlan& plan, const Evaluation& evaluatio
 }  // namespace
 
 std::string evaluation_text(const EvaluationReport& report) {
-    const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
+    const auto& [source, protocol, sampled, device, policy, plan, evaluation] = report;
     std::string text;
     const auto line = [&text](std::string_view name, const std::string& value) {
         text += fmt::format("{:<20}  {}\n", name, printable(value));
@@ -111,7 +115,7 @@ std::string evaluation_text(const EvaluationReport& report) {
 
 void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
                              const std::string& name) {
-    const auto& [source, protocol, sampled, policy, plan, evaluation] = report;
+    const auto& [source, protocol, sampled, device, policy, plan, evaluation] = report;
     const ReturnSummary summary = summary_of(plan, evaluation);
     nlohmann::ordered_json env;
     EnvConfig config = plan.env;
@@ -127,9 +131,12 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"protocol", protocol},
                                    {"seed", plan.seed},
                                    {"choice", sampled ? "sampled" : "greedy"},
+                                   {"device", device},
+                                   {"threads", at::get_num_threads()},
                                    {"epsilon", plan.epsilon},
                                    {"env", env},
                                    {"games", evaluation.games.size()},
+                                   {"interrupted", evaluation.interrupted},
                                    {"steps", nullptr},
                                    {"mean", summary.mean},
                                    {"standard_deviation", summary.standard_deviation},

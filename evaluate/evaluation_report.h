@@ -9,11 +9,12 @@
 
 namespace cale {
 
-/// A completed evaluation, with everything that determined it.
+/// An evaluation, with everything that determined it.
 struct EvaluationReport {
     std::string source{};    // the path that the user gave
     std::string protocol{};  // "fixed_episodes" or "fixed_steps"
     bool sampled = false;
+    std::string device = "cpu";  // on which the policy was computed, by LibTorch's threads
     const PolicyInfo& policy;
     const EvaluationPlan& plan;
     const Evaluation& evaluation;

@@ -19,12 +19,23 @@
 namespace cale {
 namespace {
 
-std::optional<std::filesystem::path> rom_of(const Game& game, const std::string& rom_dir) {
+/// A game's ROM; none where there is no file, or one of something else, as `text` says.
+struct RomFile {
+    std::optional<std::filesystem::path> path{};
+    std::string text{};
+    std::string remedy{};
+};
+
+RomFile rom_of(const Game& game, const std::string& rom_dir) {
+    RomFile rom{.text = "missing", .remedy = ": run scripts/setup"};
     try {
-        return find_rom(game.rom, rom_dir);
+        const auto file = find_rom(game.rom, rom_dir);
+        rom = {.text = fmt::format("not this game's: {}", file.string())};
+        if (rom_name(file) == game.rom) rom = {.path = file, .text = file.string()};
     } catch (const std::runtime_error&) {
-        return std::nullopt;
+        // As `text` says.
     }
+    return rom;
 }
 
 std::vector<std::string_view> minimal_actions(const Game& game, const std::string& rom_dir) {
@@ -71,11 +82,11 @@ std::string game_table(const std::string& rom_dir, bool atari100k) {
         const auto rom = rom_of(game, rom_dir);
         const auto joystick = joystick_score(game, /*sticky=*/true);
         ++shown;
-        if (!rom) ++missing;
-        text += fmt::format(kRow, game.name, game.minimal_action_count, score(game.random_score, "-"),
-                            joystick ? fmt::format("{}", rounded(*joystick)) : "-",
-                            score(game.human_score, "-"), game.in_atari100k ? "yes" : "",
-                            has_paddle(game) ? "yes" : "", rom ? rom->string() : "missing");
+        if (!rom.path) ++missing;
+        text +=
+            fmt::format(kRow, game.name, game.minimal_action_count, score(game.random_score, "-"),
+                        joystick ? fmt::format("{}", rounded(*joystick)) : "-", score(game.human_score, "-"),
+                        game.in_atari100k ? "yes" : "", has_paddle(game) ? "yes" : "", rom.text);
     }
     text +=
         "random: the published score of random joystick events; joystick: random play on the continuous "
@@ -95,12 +106,12 @@ std::string game_csv(const std::string& rom_dir, bool atari100k) {
         "minimal_action_count,paddle,minimal_actions,rom_file\n";
     for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
-        const auto actions = rom ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
+        const auto actions = rom.path ? minimal_actions(game, rom_dir) : std::vector<std::string_view>{};
         text += fmt::format("{},{},{},{},{},{},{},{},{},{},", game.name, game.rom, game.in_atari100k ? 1 : 0,
                             score(game.random_score, ""), score(game.human_score, ""),
                             score(joystick_score(game, true), ""), score(joystick_score(game, false), ""),
                             game.minimal_action_count, has_paddle(game) ? 1 : 0, fmt::join(actions, " ")) +
-                csv_line({rom ? rom->string() : ""});
+                csv_line({rom.path ? rom.text : ""});
     }
     return text;
 }
@@ -110,11 +121,11 @@ std::string mode_table(const std::string& rom_dir, bool atari100k) {
     std::string text = fmt::format(kRow, "game", "difficulties", "modes");
     for (const Game& game : listed_games(atari100k)) {
         const auto rom = rom_of(game, rom_dir);
-        if (!rom) {
-            text += fmt::format(kRow, game.name, "-", "the ROM is missing: run scripts/setup");
+        if (!rom.path) {
+            text += fmt::format(kRow, game.name, "-", fmt::format("the ROM is {}{}", rom.text, rom.remedy));
             continue;
         }
-        const Emulator console(game, *rom, /*sticky_probability=*/0, /*seed=*/0);
+        const Emulator console(game, *rom.path, /*sticky_probability=*/0, /*seed=*/0);
         text += fmt::format(kRow, game.name, fmt::format("{}", fmt::join(console.difficulties(), " ")),
                             fmt::join(console.modes(), " "));
     }
@@ -141,16 +152,16 @@ std::string game_details(const Game& game, const std::string& rom_dir) {
         }
     }
     line("human score", score(game.human_score, "none published"));
-    line("minimal actions", rom ? fmt::format("{}: {}", game.minimal_action_count,
-                                              fmt::join(minimal_actions(game, rom_dir), ", "))
-                                : fmt::format("{}", game.minimal_action_count));
+    line("minimal actions", rom.path ? fmt::format("{}: {}", game.minimal_action_count,
+                                                   fmt::join(minimal_actions(game, rom_dir), ", "))
+                                     : fmt::format("{}", game.minimal_action_count));
     line("paddle", has_paddle(game) ? "yes: env.paddle=absolute places it" : "no");
-    if (rom) {
-        const Emulator console(game, *rom, /*sticky_probability=*/0, /*seed=*/0);
+    if (rom.path) {
+        const Emulator console(game, *rom.path, /*sticky_probability=*/0, /*seed=*/0);
         line("modes", fmt::format("{}", fmt::join(console.modes(), ", ")));
         line("difficulties", fmt::format("{}", fmt::join(console.difficulties(), ", ")));
     }
-    line("ROM", rom ? rom->string() : fmt::format("{}.bin, missing: run scripts/setup", game.rom));
+    line("ROM", rom.path ? rom.text : fmt::format("{}.bin, {}{}", game.rom, rom.text, rom.remedy));
     return text;
 }
 

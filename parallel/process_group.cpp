@@ -104,7 +104,8 @@ std::optional<ProcessRank> rank_from_environment() {
         static_cast<std::uint16_t>(number("MASTER_PORT", required("MASTER_PORT", process.size), 1, 65'535));
     process.local_size =
         number("LOCAL_WORLD_SIZE", variable("LOCAL_WORLD_SIZE").value_or("1"), 1, process.size);
-    process.local_rank = number("LOCAL_RANK", variable("LOCAL_RANK").value_or("0"), 0, process.size - 1);
+    const int local_ranks = variable("LOCAL_WORLD_SIZE") ? process.local_size : process.size;
+    process.local_rank = number("LOCAL_RANK", variable("LOCAL_RANK").value_or("0"), 0, local_ranks - 1);
     return process;
 }
 
@@ -122,7 +123,8 @@ struct ProcessGroup::Impl {
             throw;
         } catch (const std::exception& error) {
             fail("the processes did not find each other at " + process.master_address + ":" +
-                     std::to_string(process.master_port),
+                     std::to_string(process.master_port) +
+                     "; start all of them within five minutes, with the same free MASTER_PORT",
                  error);
         }
     }

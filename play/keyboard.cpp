@@ -43,6 +43,7 @@ Command press(Hands& hands, std::string_view key, bool down) {
     if (std::ranges::find(kHeldKeys, key, &HeldKey::name) != std::end(kHeldKeys)) {
         if (down) {
             hands.held.emplace(key);
+            hands.tapped.emplace(key);
         } else {
             hands.held.erase(std::string(key));
         }
@@ -71,6 +72,13 @@ ContinuousAction joystick(const Hands& hands) {
     if (far == 0) return {.fire = fire ? 1.0F : 0.0F};
     const double reach = holds(hands, Control::half) ? hands.reach / 2 : hands.reach;
     return action_at({.x = x / far * reach, .y = y / far * reach}, fire);
+}
+
+ContinuousAction take_joystick(Hands& hands) {
+    Hands touched = hands;
+    touched.held.merge(touched.tapped);
+    hands.tapped.clear();
+    return joystick(touched);
 }
 
 std::string_view keyboard_help() {

@@ -20,9 +20,10 @@ struct Stick {
 
 /// The state of the player's controls.
 struct Hands {
-    std::set<std::string, std::less<>> held{};  // keys of the joystick; two may do the same
-    double reach = 1;                           // how far the keys push it, 0 to 1
-    std::optional<Stick> pointer{};             // where the mouse holds it; the keys do not count then
+    std::set<std::string, std::less<>> held{};    // keys of the joystick; two may do the same
+    std::set<std::string, std::less<>> tapped{};  // those pressed since take_joystick(), held still or not
+    double reach = 1;                             // how far the keys push it, 0 to 1
+    std::optional<Stick> pointer{};               // where the mouse holds it; the keys do not count then
 };
 
 /// What a key can do besides moving the joystick.
@@ -44,6 +45,8 @@ Stick stick_at(double x, double y, const Dial& dial);
 
 /// (r, theta, fire): opposite keys cancel out, fire is 0 or 1.
 ContinuousAction joystick(const Hands& hands);
+/// joystick() for the next step: keys that were pressed and let go since the last call count, too.
+ContinuousAction take_joystick(Hands& hands);
 
 /// The keys, a line each, to be read before playing.
 std::string_view keyboard_help();

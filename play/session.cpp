@@ -1,6 +1,9 @@
 #include "play/session.h"
 
+#include <algorithm>
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -9,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "cale/games.h"
+#include "cale/joystick.h"
 #include "cale/real_time.h"
 #include "cale/seeds.h"
 #include "report/video.h"
@@ -22,14 +26,21 @@ using Clock = std::chrono::steady_clock;
 class Metronome {
   public:
     explicit Metronome(double beats_per_second) : beats_per_second_(beats_per_second) {}
-    void wait() {
+    /// The next beat is one later than this, or now.
+    void begin() {
         if (beats_per_second_ <= 0) return;
         next_ +=
             std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / beats_per_second_));
-        const auto now = Clock::now();
-        if (next_ < now) next_ = now;  // what was missed is not made up for
-        std::this_thread::sleep_until(next_);
+        next_ = std::max(next_, Clock::now());  // what was missed is not made up for
     }
+    /// Waits for the beat, at most kPatience. Returns whether it has come.
+    bool wait() const {
+        if (beats_per_second_ <= 0) return true;
+        std::this_thread::sleep_until(std::min(next_, Clock::now() + kPatience));
+        return Clock::now() >= next_;
+    }
+    /// The player's input is read at least so often.
+    static constexpr std::chrono::milliseconds kPatience{16};
 
   private:
     double beats_per_second_;
@@ -46,7 +57,17 @@ class Show {
           pictures_per_second_(60.0 / static_cast<double>(plan.env.frame_skip)),
           metronome_(plan.real_time ? 0 : pictures_per_second_ * plan.speed) {}
 
-    const Hands& hands() const { return hands_; }
+    /// Where the player holds the stick now.
+    ContinuousAction stick() {
+        const auto asked = take_joystick(hands_);
+        if (plan_.env.paddle != Paddle::absolute) return asked;
+        // A knob stays where it is left; keys turn it as fast as ALE turns a paddle.
+        const double x = asked.radius * std::cos(asked.theta);
+        knob_ = hands_.pointer
+                    ? (1 + x) / 2
+                    : std::clamp(knob_ + kKnobTurn * static_cast<double>(plan_.env.frame_skip) * x, 0.0, 1.0);
+        return cale::stick(Joystick::paddle, std::array{static_cast<float>(knob_), asked.fire});
+    }
 
     /// Shows and films a moment of a game, waits for the next one, as long as the game is paused.
     Command present(const Env& env, const Scene& scene) { return present(compose_frame(env, scene), scene); }
@@ -63,9 +84,8 @@ class Show {
                                                  paused ? " (paused: P continues)" : ""));
             }
             // Where the metronome does not wait, keys are still asked for no faster than 60 times a second.
-            if (paused && plan_.speed <= 0) std::this_thread::sleep_for(std::chrono::milliseconds(16));
-            metronome_.wait();
-            const Command command = stage_.poll ? stage_.poll(hands_) : Command::none;
+            if (paused && plan_.speed <= 0) std::this_thread::sleep_for(Metronome::kPatience);
+            const Command command = wait_for_beat();
             if (command == Command::pause && !plan_.real_time) paused = !paused;
             if (command == Command::quit || command == Command::new_game) return command;
             if (!paused) return Command::none;
@@ -77,12 +97,25 @@ class Show {
     }
 
   private:
+    /// The command that was given meanwhile ends the wait.
+    Command wait_for_beat() {
+        metronome_.begin();
+        while (true) {
+            const bool beat = metronome_.wait();
+            const Command command = stage_.poll ? stage_.poll(hands_) : Command::none;
+            if (beat || command != Command::none) return command;
+        }
+    }
+
+    static constexpr double kKnobTurn = 0.03;  // of its whole way, in a frame
+
     const PlayPlan& plan_;
     const Stage& stage_;
     std::string name_;
     double pictures_per_second_;
     Metronome metronome_;
     Hands hands_;
+    double knob_ = 0.5;
     std::optional<VideoWriter> film_;
 };
 
@@ -124,7 +157,7 @@ Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& sho
             const auto actions = choose(plan, stack, number, scene);
             if (!scene.action) result = env.step(actions.const_data_ptr<std::int64_t>()[0], frame);
         } else {
-            scene.action = joystick(show.hands());
+            scene.action = show.stick();
         }
         if (scene.action) result = env.step(*scene.action, frame);
         stack.follow(0, result, frame);
@@ -171,11 +204,11 @@ class Screen {
 
 /// Tells the game what `decide`, or the player, wants. Returns what came of it.
 StepResult step_in_real_time(const PlayPlan& plan, RealTimeGame& game, const FrameStack& stack,
-                             std::int64_t number, const Hands& hands, std::span<std::uint8_t> frame,
+                             std::int64_t number, Show& show, std::span<std::uint8_t> frame,
                              std::span<std::uint8_t> last_frame, Scene& scene) {
     std::vector<StepResult> results(1);
     if (!plan.decide) {
-        scene.action = joystick(hands);
+        scene.action = show.stick();
         const bool paddle = plan.env.paddle == Paddle::absolute;
         const auto stick = coordinates_of(paddle ? Joystick::paddle : Joystick::polar, *scene.action);
         game.step(std::span<const float>(stick), frame, last_frame, results);
@@ -202,8 +235,7 @@ RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {
     Scene scene = scene_of(env, frame);
     EvaluatedGame so_far;
     for (std::int64_t number = 0; number < plan.games;) {
-        const auto result =
-            step_in_real_time(plan, game, stack, number, show.hands(), frame, last_frame, scene);
+        const auto result = step_in_real_time(plan, game, stack, number, show, frame, last_frame, scene);
         stack.follow(0, result, frame);
         counts.frames += result.frames;
         count(so_far, scene, result);

@@ -159,7 +159,7 @@ std::vector<double> along(const std::vector<StickSample>& samples, double StickS
 }  // namespace
 
 StickLog read_stick_log(const std::filesystem::path& csv) {
-    const auto table = read_whole_csv(csv);
+    const auto table = read_csv_by_hand(csv);
     const auto rows = rows_of(table);
     if (rows.seconds.empty() || rows.seconds.back() < 0.5) {
         throw std::runtime_error(
@@ -181,8 +181,8 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     }
     StickLog log;
     std::size_t row = 0;
-    for (std::size_t frame = 1; static_cast<double>(frame) / kFramesPerSecond <= rows.seconds.back();
-         ++frame) {
+    for (std::size_t frame = 1;
+         static_cast<double>(frame) / kFramesPerSecond <= rows.seconds.back() + kRounding; ++frame) {
         // The frame's command is what is known at its beginning; the position is that of its end.
         const auto row_at = [&](double seconds) {
             while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;

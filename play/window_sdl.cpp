@@ -66,7 +66,8 @@ struct Window::Impl {
             case SDL_KEYUP: {
                 const char* key = SDL_GetScancodeName(event.key.keysym.scancode);
                 const Command asked = press(hands, key, event.type == SDL_KEYDOWN);
-                if (asked != Command::none && event.key.repeat == 0) command = asked;
+                if (asked != Command::none && event.key.repeat == 0 && command != Command::quit)
+                    command = asked;
                 break;
             }
             case SDL_MOUSEBUTTONDOWN:

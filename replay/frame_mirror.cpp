@@ -4,6 +4,7 @@
 #include <cstring>
 #include <sstream>
 #include <stdexcept>
+#include <string_view>
 
 #include <c10/core/impl/VirtualGuardImpl.h>
 #include <torch/types.h>
@@ -24,7 +25,10 @@ torch::Tensor frames_on(const ReplayConfig& config, torch::Device device) {
         auto frames = torch::empty({count, size}, torch::dtype(torch::kUInt8).device(device));
         frames[-1].zero_();
         return frames;
-    } catch (const c10::Error&) {
+    } catch (const c10::Error& error) {
+        // Of a lack of memory there is an own type on GPUs alone.
+        const std::string_view text(error.what());
+        if (text.find("out of memory") == text.npos && text.find("can't allocate memory") == text.npos) throw;
         std::ostringstream message;
         message.precision(3);
         message << "agent.replay_on_device: " << device << " lacks the memory for the replay's frames, "

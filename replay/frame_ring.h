@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <string>
 #include <system_error>
 #include <type_traits>
 #include <utility>
@@ -33,7 +34,10 @@ class LazyArray {
         if (bytes_ == 0) return;
         void* memory = ::mmap(nullptr, bytes_, PROT_READ | PROT_WRITE,
                               MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-        if (memory == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "mmap");
+        if (memory == MAP_FAILED)
+            throw std::system_error(errno, std::generic_category(),
+                                    "the replay cannot reserve " + std::to_string(bytes_) +
+                                        " bytes; lower agent.replay_capacity");
         data_ = static_cast<T*>(memory);
     }
     ~LazyArray() {

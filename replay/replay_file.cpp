@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <stdexcept>
 #include <system_error>
 
@@ -17,12 +16,12 @@ constexpr int kCompressionLevel = 1;
 constexpr int kWindowLog = 20;  // 1 MiB: over a hundred frames to find the last one in
 constexpr std::size_t kMagicSize = 8;
 
-std::string last_error() {
-    return std::strerror(errno);
-}
-
 std::string cannot_write(const std::string& path) {
     return "cannot write the replay to " + path;
+}
+
+std::string cannot_read(const std::string& path) {
+    return "cannot read the replay from " + path;
 }
 
 }  // namespace
@@ -94,11 +93,12 @@ ReplayFileReader::ReplayFileReader(const std::string& path, std::string_view mag
       file_(std::fopen(path.c_str(), "rb")),
       context_(ZSTD_createDCtx()),
       compressed_(ZSTD_DStreamInSize()) {
-    if (!file_) fail(last_error());
+    if (!file_) fail_as_the_system_says();
     ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kWindowLog);
     std::array<char, kMagicSize> found_magic{};
     std::uint32_t found_version = 0;
     const std::size_t read = std::fread(found_magic.data(), 1, kMagicSize, file_.get());
+    if (std::ferror(file_.get()) != 0) fail_as_the_system_says();
     if (std::string_view(found_magic.data(), read) != magic.substr(0, read)) fail("it is not a replay file");
     if (read != kMagicSize || std::fread(&found_version, sizeof found_version, 1, file_.get()) != 1)
         fail("it is truncated");
@@ -129,7 +129,8 @@ std::size_t ReplayFileReader::decompress(void* data, std::size_t size) {
         if (begin_ == end_) {
             begin_ = 0;
             end_ = std::fread(compressed_.data(), 1, compressed_.size(), file_.get());
-            if (end_ == 0) fail(std::ferror(file_.get()) != 0 ? last_error() : "it is truncated");
+            if (std::ferror(file_.get()) != 0) fail_as_the_system_says();
+            if (end_ == 0) fail("it is truncated");
         }
         ZSTD_inBuffer input{compressed_.data(), end_, begin_};
         const std::size_t left = ZSTD_decompressStream(context_.get(), &output, &input);
@@ -141,7 +142,11 @@ std::size_t ReplayFileReader::decompress(void* data, std::size_t size) {
 }
 
 void ReplayFileReader::fail(const std::string& what) const {
-    throw std::runtime_error("cannot read the replay from " + path_ + ": " + what);
+    throw std::runtime_error(cannot_read(path_) + ": " + what);
+}
+
+void ReplayFileReader::fail_as_the_system_says() const {
+    throw std::system_error(errno, std::generic_category(), cannot_read(path_));
 }
 
 }  // namespace cale

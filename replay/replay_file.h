@@ -62,6 +62,7 @@ class ReplayFileReader {
     /// Checks that everything has been read, and verifies the checksum.
     void finish();
     [[noreturn]] void fail(const std::string& what) const;
+    [[noreturn]] void fail_as_the_system_says() const;  // by errno
 
   private:
     struct FreeContext {

@@ -35,7 +35,11 @@ void check_memory(const ReplayConfig& config, std::int64_t available, bool mirro
     message << "the replay needs " << static_cast<double>(needed) / 1e9 << " GB of memory and "
             << static_cast<double>(available) / 1e9 << " GB are available: lower agent.replay_capacity from "
             << config.capacity;
-    if (fits > 0) message << " to " << fits << " or less";
+    if (fits > 0)
+        message << " to " << fits << " or less";
+    else
+        message << ", env.num_envs from " << config.num_envs << " or agent.update_horizon from "
+                << config.update_horizon;
     throw std::runtime_error(message.str());
 }
 

@@ -23,9 +23,11 @@ std::error_code newest_error() {
 }
 
 /// Why the system would not write to the end of the file, for which it is made if need be; false: it would.
-/// The file is as long afterwards as before.
+/// The file is as long afterwards as before; one that was made in vain is removed.
 std::error_code reason_against_writing(const std::filesystem::path& path) {
     constexpr std::size_t kBlock = 65'536;  // more than a film's header
+    std::error_code ignored;
+    const bool is_new = !std::filesystem::exists(path, ignored);
     const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (file < 0) return newest_error();
     const ::off_t size = ::lseek(file, 0, SEEK_END);
@@ -39,6 +41,7 @@ std::error_code reason_against_writing(const std::filesystem::path& path) {
     // Some file systems find out at the end.
     if (::ftruncate(file, size) != 0 && !reason) reason = newest_error();
     if (::close(file) != 0 && !reason) reason = newest_error();
+    if (reason && is_new) std::filesystem::remove(path, ignored);
     return reason;
 }
 

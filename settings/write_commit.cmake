@@ -4,6 +4,8 @@ cmake_policy(VERSION 3.25)
 set(commit unknown)
 find_program(GIT git)
 if(GIT)
+    # Root in a container does not own the checkout that it is given.
+    list(APPEND GIT -c safe.directory=*)
     # What lies inside somebody else's checkout, unpacked, has no commit.
     execute_process(COMMAND ${GIT} rev-parse --show-prefix
         WORKING_DIRECTORY ${SOURCE_DIR} OUTPUT_VARIABLE prefix OUTPUT_STRIP_TRAILING_WHITESPACE

@@ -33,8 +33,8 @@ Manifest parse(const std::string& text) {
     try {
         const auto json = nlohmann::json::parse(text);
         if (const auto& version = json.at("format_version"); version != kFormatVersion) {
-            throw std::runtime_error(fmt::format("its format is version {}, this program reads version {}",
-                                                 version.dump(), kFormatVersion));
+            throw OtherFormat(fmt::format("its format is version {}, this program reads version {}",
+                                          version.dump(), kFormatVersion));
         }
         Manifest manifest;
         for (const auto& [name, record] : json.at("files").items()) {

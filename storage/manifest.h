@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <stdexcept>
 #include <string>
 
 namespace cale {
@@ -15,6 +16,10 @@ struct FileRecord {
     std::uint64_t bytes = 0;
     std::uint32_t crc32c = 0;
     bool operator==(const FileRecord&) const = default;
+};
+/// The folder is of another version of cale, and may be whole.
+struct OtherFormat : std::runtime_error {
+    using std::runtime_error::runtime_error;
 };
 using Manifest = std::map<std::string, FileRecord>;  // by the files' names
 
@@ -25,7 +30,8 @@ FileRecord record_of(const std::filesystem::path& file);
 /// then on disk, too.
 void write_manifest(const std::filesystem::path& folder, const Manifest& manifest);
 
-/// Throws std::runtime_error, saying what is wrong, for a folder without one, or of another format.
+/// Throws OtherFormat, naming both versions, and std::runtime_error, saying what is wrong, for a folder
+/// without one or with a damaged one.
 Manifest read_manifest(const std::filesystem::path& folder);
 
 /// Reads every file. Throws std::runtime_error that names the first one that is missing or has changed.

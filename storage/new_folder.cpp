@@ -29,7 +29,7 @@ NewFolder::NewFolder(const fs::path& path)
 
 NewFolder NewFolder::with_a_free_name(const fs::path& path) {
     const auto missing = topmost_missing(path.parent_path());
-    fs::create_directories(path.parent_path());
+    if (path.has_parent_path()) fs::create_directories(path.parent_path());
     for (int number = 1;; ++number) {
         const auto name = number == 1 ? path : fs::path(path.string() + "_" + std::to_string(number));
         if (fs::create_directory(name)) return {name, missing.empty() ? name : missing};

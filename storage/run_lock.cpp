@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -29,25 +30,42 @@ std::string holder(int descriptor) {
     return number ? fmt::format("process {}", digits) : "another process";
 }
 
-}  // namespace
-
-RunLock::RunLock(const std::filesystem::path& run_dir) {
+/// Returns the descriptor of the folder's file, which it has locked.
+int lock_file_of(const std::filesystem::path& run_dir) {
     const auto file = run_dir / kFile;
-    descriptor_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (descriptor_ < 0) {
+    const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (descriptor < 0) {
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot write '{}'", file.string()));
     }
-    for (int waits = 0; ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++waits) {
+    for (int waits = 0; ::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++waits) {
         if (waits < 10) {  // is_taken() of another process holds it for a moment
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
             continue;
         }
-        const auto who = holder(descriptor_);
-        ::close(descriptor_);
+        const auto who = holder(descriptor);
+        ::close(descriptor);
         throw FolderTaken(fmt::format(
             "{} is training in {}: wait for it or stop it, or give this run another folder with --run-dir",
             who, run_dir.string()));
+    }
+    return descriptor;
+}
+
+/// Whether the folder's file is the one that is open, and not a later one.
+bool is_in(const std::filesystem::path& run_dir, int descriptor) {
+    struct stat open = {}, named = {};
+    return ::fstat(descriptor, &open) == 0 && ::stat((run_dir / kFile).c_str(), &named) == 0 &&
+           open.st_dev == named.st_dev && open.st_ino == named.st_ino;
+}
+
+}  // namespace
+
+RunLock::RunLock(const std::filesystem::path& run_dir) : descriptor_(lock_file_of(run_dir)) {
+    // Where it was removed between its opening and its locking, another process may lock the next one.
+    while (!is_in(run_dir, descriptor_)) {
+        ::close(descriptor_);
+        descriptor_ = lock_file_of(run_dir);
     }
     const auto pid = std::to_string(::getpid());
     // A message without a process id is no reason to stop.

@@ -35,8 +35,12 @@ std::vector<std::string> games_of_group(std::string_view word) {
     return roms;
 }
 
+/// 1000, or 1_000.
 std::optional<std::int64_t> natural(std::string_view text) {
-    const auto value = number_in<std::int64_t>(text);
+    if (text.starts_with('_') || text.ends_with('_')) return std::nullopt;
+    std::string digits(text);
+    std::erase(digits, '_');
+    const auto value = number_in<std::int64_t>(digits);
     return value && *value >= 0 ? value : std::nullopt;
 }
 

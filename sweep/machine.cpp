@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include <fmt/format.h>
-#include <sched.h>
 
+#include "cale/cores.h"
 #include "cale/text.h"
 #include "replay/available_memory.h"
 #include "settings/command_line.h"
@@ -35,15 +35,7 @@ std::string gigabytes(std::int64_t bytes) {
 }  // namespace
 
 Machine Machine::here() {
-    Machine machine{.cpus = {}, .memory = available_memory()};
-    cpu_set_t cpus;
-    CPU_ZERO(&cpus);
-    if (::sched_getaffinity(0, sizeof(cpus), &cpus) == 0) {
-        for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
-            if (CPU_ISSET(cpu, &cpus)) machine.cpus.push_back(static_cast<int>(cpu));
-        }
-    }
-    return machine;
+    return {.cpus = usable_cores(), .memory = available_memory()};
 }
 
 void check_devices(std::span<const std::string> devices) {

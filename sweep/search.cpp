@@ -62,6 +62,7 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
         const auto folder = search.folder / run.name;
         const bool arrived = newest_checkpoint(folder).value_or(0) >= steps;  // it may have failed
         sample.scores[run.combination] = arrived ? search_score(folder, steps) : std::nullopt;
+        if (!arrived) sample.failed.insert(run.combination);
     }
     std::vector<SampleScore> result;
     result.reserve(samples.size());
@@ -103,11 +104,11 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
     fmt::print(out, "{:>7}  {:>6}", "rank", "sample");
     for (const auto& setting : search.sweep.samples.front()) fmt::print(out, "  {}", setting.key);
     fmt::print(out, "\n");
-    for (const auto& [sample, at, rank, scores] : samples) {
-        fmt::print(out, "{:>7.2f}  {:>6}", rank, sample);
-        for (const auto& [key, value] : settings_of(search, sample))
+    for (const auto& sample : samples) {
+        fmt::print(out, "{:>7.2f}  {:>6}", sample.rank, sample.sample);
+        for (const auto& [key, value] : settings_of(search, sample.sample))
             fmt::print(out, "  {:>{}}", value, key.size());
-        fmt::print(out, "\n");
+        fmt::print(out, "{}\n", sample.failed.empty() ? "" : "  failed");
     }
     if (continuing > 0 && continuing < samples.size() &&
         samples[continuing - 1].rank == samples[continuing].rank)
@@ -123,7 +124,7 @@ void write_table(const Search& search, std::span<const SampleScore> samples) {
     for (const auto& setting : search.sweep.samples.front()) columns.push_back(setting.key);
     for (const auto& [combination, score] : samples.front().scores) columns.push_back(combination);
     auto text = csv_line(columns);
-    for (const auto& [sample, steps, rank, scores] : samples) {
+    for (const auto& [sample, steps, rank, scores, failed] : samples) {
         std::vector<std::string> cells = {fmt::to_string(sample), fmt::to_string(steps),
                                           fmt::format("{:.3f}", rank)};
         for (const auto& setting : settings_of(search, sample)) cells.push_back(setting.value);
@@ -192,17 +193,19 @@ std::optional<double> search_score(const fs::path& folder, std::int64_t steps) {
 }
 
 void rank(std::vector<SampleScore>& samples) {
-    const auto beats = [](const std::optional<double>& a, const std::optional<double>& b) {
-        return a && (!b || *a > *b);
+    // No score is less than any, and a failure less than none.
+    const auto result = [](const SampleScore& sample, const std::string& combination) {
+        return std::pair(!sample.failed.contains(combination), sample.scores.at(combination));
     };
     for (auto& sample : samples) {
         double places = 0;  // a sum of halves, which is exact
         for (const auto& [combination, score] : sample.scores) {
             places += 0.5;
-            // Half a place for each of those with an equal score, of which the sample itself is one.
+            // Half a place for each of those with an equal result, of which the sample itself is one.
+            const auto own = result(sample, combination);
             for (const auto& other : samples) {
-                const auto& theirs = other.scores.at(combination);
-                places += beats(theirs, score) ? 1 : beats(score, theirs) ? 0 : 0.5;
+                const auto theirs = result(other, combination);
+                places += theirs > own ? 1 : theirs < own ? 0 : 0.5;
             }
         }
         sample.rank = places / static_cast<double>(sample.scores.size());

@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -36,11 +37,12 @@ struct SampleScore {
     std::int64_t steps = 0;                                 // agent steps at which it was last compared
     double rank = 0;                                        // 1 is the best: the mean over the combinations
     std::map<std::string, std::optional<double>> scores{};  // by SweepRun::combination
+    std::set<std::string> failed{};                         // combinations whose run did not come so far
 };
 
 /// Fills in the ranks and sorts by them, and by number where they are equal. Scores of different games do not
-/// compare, so samples are ranked in each combination, those with equal scores alike, and a sample without a
-/// score last.
+/// compare, so samples are ranked in each combination, those with equal scores alike, a sample without a
+/// score, in which no game has ended, behind them, and one whose run failed last.
 void rank(std::vector<SampleScore>& samples);
 
 /// What to search, and with what.

@@ -82,8 +82,10 @@ std::vector<std::vector<Setting>> draw_samples(const SearchSpace& space) {
         auto settings = draw(space, sample, 0);
         for (int attempt = 1; std::ranges::find(samples, settings) != samples.end(); ++attempt) {
             if (attempt > kMostAttempts)
-                throw ConfigError(fmt::format("search: no more than {} different samples were found, of {}",
-                                              samples.size(), space.samples));
+                throw ConfigError(
+                    fmt::format("search: no more than {} different samples were found, of {}: let "
+                                "samples be fewer, or widen a range",
+                                samples.size(), space.samples));
             settings = draw(space, sample, attempt);
         }
         samples.push_back(std::move(settings));

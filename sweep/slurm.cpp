@@ -82,6 +82,21 @@ std::size_t largest_array() {
     return kUsualArraySize;
 }
 
+/// As the value of a directive in quotes, where Slurm replaces %j and the like.
+std::string in_quotes(const std::string& path) {
+    std::string text;
+    for (const char c : path) {
+        if (c == '"' || c == '\n')
+            throw ConfigError(
+                fmt::format("--dir {}: a directive of Slurm's takes no folder with a "
+                            "quote or a line break in its name; choose another",
+                            printable(path)));
+        text += c;
+        if (c == '%') text += c;
+    }
+    return text;
+}
+
 }  // namespace
 
 std::string slurm_script(const fs::path& folder, std::span<const std::string> names,
@@ -95,7 +110,7 @@ std::string slurm_script(const fs::path& folder, std::span<const std::string> na
     directive("--ntasks=1");
     directive(fmt::format("--cpus-per-task={}", options.threads));
     directive(fmt::format("--mem={}M", (options.memory + (1 << 20) - 1) >> 20));
-    directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", folder.string()));
+    directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", in_quotes(folder.string())));
     directive("--open-mode=append");
     directive("--requeue");
     directive("--signal=B:USR1@120");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <csignal>
 #include <sstream>
 #include <system_error>
 
@@ -223,6 +224,7 @@ void check_method(const SweepOptions& options, const Sweep& sweep) {
 }  // namespace
 
 int run_sweep(const SweepOptions& options, std::FILE* out) {
+    std::signal(SIGCHLD, SIG_DFL);  // of who starts this with it ignored no child could be waited for
     check_devices(options.sharing.devices);
     auto sweep = read_sweep(options.file, options.overrides);
     std::vector<std::string> all_runs;

@@ -393,7 +393,9 @@ class RunMaker {
         if (seed.empty()) missing("train.seed", "train.seed: 1..5", run.settings);
         run.agent = agent;
         if (!config.empty()) {
-            if (const auto at = config.find("{agent}"); at != std::string::npos) config.replace(at, 7, agent);
+            constexpr std::string_view kAgent = "{agent}";
+            for (std::size_t at = 0; (at = config.find(kAgent, at)) != std::string::npos; at += agent.size())
+                config.replace(at, kAgent.size(), agent);
             // `..` behind a link is the parent of what that leads to.
             run.config =
                 (fs::weakly_canonical(fs::absolute(file_).parent_path()) / config).lexically_normal();

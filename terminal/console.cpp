@@ -146,6 +146,10 @@ std::string progress_line(const GamesProgress& progress) {
 Console::Console(std::FILE* out, bool progress_bar)
     : out_(out), bar_(progress_bar && ::isatty(::fileno(out)) == 1) {}
 
+Console::~Console() {
+    clear();
+}
+
 void Console::header(std::string_view title, std::span<const std::pair<std::string, std::string>> facts) {
     std::size_t widest = 0;
     for (const auto& [label, value] : facts) widest = std::max(widest, label.size());

@@ -56,6 +56,10 @@ class Console {
   public:
     /// Draws a bar if `out` is a terminal and `progress_bar` is true, else plain lines.
     explicit Console(std::FILE* out, bool progress_bar = true);
+    /// Removes the bar: what is said of an error begins a line of its own.
+    ~Console();
+    Console(const Console&) = delete;
+    Console& operator=(const Console&) = delete;
 
     /// A title, then one aligned line per label and value.
     void header(std::string_view title, std::span<const std::pair<std::string, std::string>> facts);

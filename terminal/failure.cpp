@@ -44,6 +44,8 @@ std::string_view remedy_of(const std::error_code& reason) {
 
 bool is_out_of_memory(const std::exception& error) {
     if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) return true;
+    if (const auto* const system = dynamic_cast<const std::system_error*>(&error))
+        return system->code() == std::errc::not_enough_memory;
     // LibTorch has no type of its own for it, on the CPU or on GPUs.
     const auto text = text_of(error);
     return dynamic_cast<const c10::Error*>(&error) != nullptr &&
@@ -52,7 +54,7 @@ bool is_out_of_memory(const std::exception& error) {
 
 bool is_of_the_machine(const std::exception& error) {
     const auto* const system = dynamic_cast<const std::system_error*>(&error);
-    if (system == nullptr) return is_out_of_memory(error);
+    if (system == nullptr || is_out_of_memory(error)) return is_out_of_memory(error);
     const auto& reason = system->code();
     return is_full(reason) || reason == std::errc::file_too_large || reason == std::errc::io_error ||
            reason == std::errc::read_only_file_system || reason == std::errc::permission_denied;

@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
     cale::add_fit_stick(app);
     cale::add_games(app);
     cale::add_map(app);
-    cale::add_play(app);
+    cale::add_play(app, exit_code);
     cale::add_report(app);
     cale::add_stick(app);
     cale::add_sweep(app, exit_code);

@@ -27,6 +27,7 @@
 #include "terminal/console.h"
 #include "terminal/exit_code.h"
 #include "terminal/failure.h"
+#include "terminal/stop_signals.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 #include "train/export.h"
@@ -100,11 +101,18 @@ NewFolder make_folder(const Options& options, const PolicyInfo& policy, const En
                                            fmt::format("{}__{}__{}__{}", only_game(env).name, policy.agent,
                                                        options.seed, std::time(nullptr)));
     }
-    if (fs::exists(fs::path(options.out) / "evaluation.csv")) {
+    NewFolder folder = make_output_folder("--out", options.out);
+    if (fs::exists(folder.path() / "evaluation.csv")) {
         throw ConfigError(
             fmt::format("--out {}: an evaluation is in there already; choose another folder", options.out));
     }
-    return make_output_folder("--out", options.out);
+    if (!fs::is_empty(folder.path())) {
+        throw ConfigError(fmt::format(
+            "--out {}: there are files in it, which would lie beside those of this evaluation; choose "
+            "another folder, or a new one",
+            options.out));
+    }
+    return folder;
 }
 
 /// A policy, and what it is to play.
@@ -132,12 +140,15 @@ EvaluationReport report_of(const Options& options, const Task& task, const std::
     return {.source = source,
             .protocol = options.protocol,
             .sampled = task.sampled,
+            .device = task.policy.device().str(),
             .policy = task.policy.info(),
             .plan = task.plan,
             .evaluation = evaluation};
 }
 
-void evaluate_policy(const Options& options, torch::Device device) {
+/// Returns the exit code.
+int evaluate_policy(const Options& options, torch::Device device) {
+    const StopSignals signals;
     Task task = task_of(options, options.policy, device);
     const NewFolder made = make_folder(options, task.policy.info(), task.plan.env);
     const fs::path& folder = made.path();
@@ -147,10 +158,18 @@ void evaluate_policy(const Options& options, torch::Device device) {
         task.plan.step_logs = folder / "steps";
         made_for_steps.emplace(make_output_folder("--step-log", task.plan.step_logs));
     }
+    task.plan.stop = stop_requested;
     Console console(stderr);
     EvaluationProgress progress(console, task.plan);
     const Evaluation evaluation = play(options, task);
     console.clear();
+    if (evaluation.games.empty()) {
+        std::fputs(
+            fmt::format("cale evaluate: {} came before a game had ended: there is no table\n", stop_signal())
+                .c_str(),
+            stderr);
+        return kInterrupted;
+    }
     if (options.video && !fs::exists(task.plan.video))
         std::fputs(fmt::format("cale evaluate: --video-episode {}: there is no film, as only {} games were "
                                "played\n",
@@ -161,6 +180,7 @@ void evaluate_policy(const Options& options, torch::Device device) {
     write_evaluation_report(folder, report);
     std::fputs(evaluation_text(report).c_str(), stdout);
     std::fputs(fmt::format("{:<20}  {}\n", "written to", printable(folder.string())).c_str(), stdout);
+    return evaluation.interrupted ? kInterrupted : kDone;
 }
 
 // ---- many runs ------------------------------------------------------------------------
@@ -192,9 +212,10 @@ struct EvaluatedElsewhere : std::runtime_error {
     EvaluatedElsewhere() : std::runtime_error("another process is evaluating it") {}
 };
 
-/// Plays what is left to play of the games of a run's newest checkpoint.
-EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& protocol, Task task,
-                              const fs::path& run, Console& console, const std::string& title) {
+/// Plays what is left to play of the games of a run's newest checkpoint; nothing where it was interrupted.
+std::optional<EvaluationResult> evaluate_run(const Options& options, const EvaluationProtocol& protocol,
+                                             Task task, const fs::path& run, Console& console,
+                                             const std::string& title) {
     const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
     const auto folder = evaluations_folder(run, protocol);
     const auto name = step_name(steps);
@@ -205,16 +226,18 @@ EvaluationResult evaluate_run(const Options& options, const EvaluationProtocol& 
     } catch (const FolderTaken&) {
         throw EvaluatedElsewhere();
     }
-    if (const auto result = evaluation_result(folder, steps)) return *result;
+    if (auto result = evaluation_result(folder, steps)) return result;
     const auto partial = folder / (name + ".partial");
     PlayedGames played(partial);
     task.plan.known = played.known();
     task.plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { played.write(number, game); };
+    task.plan.stop = stop_requested;
     EvaluationProgress progress(console, task.plan, title);
     const Evaluation evaluation = play(options, task);
+    if (evaluation.interrupted) return std::nullopt;
     write_evaluation_report(folder, report_of(options, task, run.string(), evaluation), name);
     fs::remove(partial);
-    return evaluation_result(folder, steps).value();
+    return evaluation_result(folder, steps);
 }
 
 /// Returns the exit code.
@@ -228,6 +251,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
                         option, options.policy, option, runs.front().string()));
     }
     const EvaluationProtocol protocol = protocol_of(options);
+    const StopSignals signals;
     std::vector<EvaluationRow> rows;
     std::size_t evaluated = 0;
     for (const auto& run : runs) {
@@ -250,6 +274,11 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
         try {
             row.result = evaluate_run(options, protocol, task_of(options, runs[i], device), runs[i], console,
                                       "run " + number);
+            if (!row.result) {
+                row.failure = "interrupted; the same command continues";
+                exit_code = kInterrupted;
+                break;
+            }
             console.message(fmt::format("[{}] {}: mean return {:.1f} (standard deviation {:.1f}) over {}",
                                         number, row.run, row.result->mean, row.result->standard_deviation,
                                         counted(row.result->games, "game")));
@@ -273,9 +302,7 @@ int run(const Options& options) {
     at::set_num_threads(options.threads);
     const torch::Device device = find_device(options.device, at::getNumGPUs());
     const auto runs = runs_in(options.policy);
-    if (!runs.empty()) return evaluate_runs(options, runs, device);
-    evaluate_policy(options, device);
-    return 0;
+    return runs.empty() ? evaluate_policy(options, device) : evaluate_runs(options, runs, device);
 }
 
 /// Which games are played, and how.
@@ -362,8 +389,10 @@ constexpr const char* kFooter =
     "steps/game_N.csv.\n"
     "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
     "evaluation reads\n"
-    "them. What was evaluated by the same protocol is not played again; after a kill the same command "
+    "them. What was evaluated by the same protocol is not played again; after Ctrl-C or a kill the same "
+    "command "
     "continues.\n"
+    "What another process evaluates is left to it, and is no failure.\n"
     "\n"
     "Examples:\n"
     "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
@@ -372,7 +401,9 @@ constexpr const char* kFooter =
     "env.sticky_probability=0.25\n"
     "  cale evaluate runs/encoders\n"
     "\n"
-    "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage.";
+    "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage, 130 interrupted: the tables "
+    "have\n"
+    "the games up to then.";
 
 }  // namespace
 

@@ -52,6 +52,13 @@ void export_file(const Options& options) {
 void export_page(const Options& options) {
     const auto page = shared_path("web", CALE_WEB_DIR);
     const auto made = make_output_folder("--web", options.web);
+    if (!fs::is_empty(made.path()) && !fs::exists(made.path() / "cale_module.wasm")) {
+        throw ConfigError(
+            fmt::format("--web {}: there are files in it that are none of a page of cale's, and one of the "
+                        "same name would be "
+                        "written over; give a new folder",
+                        options.web));
+    }
     const auto info = export_web_page(options.from, page, options.web);
     fmt::print(
         "{}: {}\nTo see it: python3 -m http.server --directory {}, then http://localhost:8000 and a ROM of "

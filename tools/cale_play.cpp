@@ -14,6 +14,7 @@
 #include "play/window.h"
 #include "settings/config.h"
 #include "terminal/console.h"
+#include "terminal/exit_code.h"
 #include "terminal/stop_signals.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
@@ -52,6 +53,14 @@ PlayPlan plan_of(const Options& options) {
     std::optional<Policy> policy;
     if (!options.policy.empty()) policy = policy_of(options.policy);
     plan.env = policy ? env_config_of(policy->info()) : for_hands();
+    for (const auto& setting : options.settings) {
+        if (!options.game.empty() && setting.starts_with("env.game="))
+            throw ConfigError(fmt::format("--set {}: the game is given as {}; leave one of them out", setting,
+                                          options.game));
+        if (options.threshold && setting.starts_with("env.threshold="))
+            throw ConfigError(fmt::format("--set {}: there is --threshold {}; leave one of them out", setting,
+                                          *options.threshold));
+    }
     if (!options.game.empty()) plan.env.game = options.game;
     if (options.threshold) plan.env.threshold = *options.threshold;
     set_environment(plan.env, options.settings);
@@ -59,7 +68,10 @@ PlayPlan plan_of(const Options& options) {
     check_roms(plan.env);
     if (!policy) {
         if (plan.env.action_space != ActionSet::continuous)
-            throw ConfigError("--set env.action_space: keys and mouse move the continuous joystick");
+            throw ConfigError(
+                fmt::format("--set env.action_space={}: keys and mouse move the continuous joystick; "
+                            "leave it out, or give a --policy that chooses so",
+                            name_of(plan.env.action_space)));
         return plan;
     }
     if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
@@ -129,20 +141,26 @@ class FilmProgress {
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-void run(const Options& options) {
+/// A film must be able to come, before anything is played for it.
+void check_film(const std::filesystem::path& video) {
+    if (video.extension() != ".mp4")
+        throw ConfigError(fmt::format("--video {}: its name must end in .mp4", video.string()));
+    check_output_file("--video", video);
+    if (std::filesystem::is_regular_file(video)) {
+        throw ConfigError(fmt::format(
+            "--video {}: there is such a file already; give another name, or delete it", video.string()));
+    }
+}
+
+/// Returns the exit code.
+int run(const Options& options) {
     if (options.game.empty() && options.policy.empty())
         throw ConfigError("give a GAME, a --policy FILE, or both");
+    if (!options.video.empty()) check_film(options.video);
     PlayPlan plan = plan_of(options);
     const StopSignals signals;  // end the session as a closed window does, so that the film is finished
     const auto window = open_window(options, plan);
-    if (!plan.video.empty()) {
-        check_output_file("--video", plan.video);
-        if (std::filesystem::is_regular_file(plan.video)) {
-            throw ConfigError(
-                fmt::format("--video {}: there is such a file already; give another name, or delete it",
-                            plan.video.string()));
-        }
-    }
+    if (options.video.empty() && !plan.video.empty()) check_film(plan.video);
     Stage stage;
     stage.poll = [&](Hands& hands) {
         if (stop_requested()) return Command::quit;
@@ -178,11 +196,15 @@ void run(const Options& options) {
     }
     if (!plan.video.empty() && std::filesystem::exists(plan.video))
         std::fputs(fmt::format("{}\n", plan.video.string()).c_str(), stdout);
+    if (!stop_requested()) return kDone;
+    console.clear();
+    std::fputs(fmt::format("cale play: ended by {} before the game did\n", stop_signal()).c_str(), stderr);
+    return kInterrupted;
 }
 
 }  // namespace
 
-void add_play(CLI::App& app) {
+void add_play(CLI::App& app, int& exit_code) {
     auto& command =
         *app.add_subcommand("play",
                             "Shows a game in a window: a trained policy plays it, or you do, with the "
@@ -243,9 +265,9 @@ void add_play(CLI::App& app) {
                     "  cale play --policy runs/Breakout__sac__1__1795270400\n"
                     "  cale play pong --policy pong.safetensors --no-window --video pong.mp4\n"
                     "\n"
-                    "Exit codes: 0 done, 1 failed, 2 usage.",
+                    "Exit codes: 0 done, 1 failed, 2 usage, 130 interrupted: the film ends there.",
                     keyboard_help()));
-    command.callback([options] { run(*options); });
+    command.callback([options, &exit_code] { exit_code = run(*options); });
 }
 
 }  // namespace cale

@@ -23,7 +23,7 @@ void add_games(CLI::App& app);
 /// The regions of the joystick.
 void add_map(CLI::App& app);
 /// A game in a window.
-void add_play(CLI::App& app);
+void add_play(CLI::App& app, int& exit_code);
 /// The step response of a joystick that moves.
 void add_stick(CLI::App& app);
 /// Statistics and figures of many runs.

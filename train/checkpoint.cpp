@@ -149,20 +149,25 @@ void publish(const fs::path& partial, const fs::path& folder) {
     sync_name(folder);
 }
 
-StoredCheckpoint load_checkpoint(const fs::path& folder, Agent& agent,
-                                 const std::function<void(const TensorMap&)>& restore_games,
-                                 RunState& state) {
+/// What the folder holds, all of it as it was written.
+StoredCheckpoint verified(const fs::path& folder) {
     StoredCheckpoint stored{folder, read_manifest(folder)};
     for (const auto& file : {kAgentFile, kGamesFile, kStateFile})
         if (!stored.manifest.contains(file))
             throw std::runtime_error(fmt::format("its manifest.json lacks {}", file));
     verify(folder, stored.manifest);
-    state = from_json(read_file(folder / kStateFile));
+    return stored;
+}
+
+RunState load(const StoredCheckpoint& stored, Agent& agent,
+              const std::function<void(const TensorMap&)>& restore_games) {
+    const auto& folder = stored.folder;
+    auto state = from_json(read_file(folder / kStateFile));
     restore_games(load_safetensors(folder / kGamesFile).tensors);
     agent.load_state(load_agent(folder));
     if (agent.replay() != nullptr && stored.manifest.contains(kReplayFile))
         load_replay(*agent.replay(), folder);
-    return stored;
+    return state;
 }
 
 /// None where it has none, and where its files cannot be read.
@@ -317,22 +322,29 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
     const auto all = require_checkpoints(run_dir);
     Checkpoint checkpoint;
     for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
-        const auto pass_over = [&](const std::string& why) {
-            checkpoint.passed_over.push_back(
-                fmt::format("The checkpoint {} cannot be read: {}", folder->string(), why));
-        };
+        bool is_whole = false;
         try {
-            checkpoint.stored = load_checkpoint(*folder, agent, restore_games, checkpoint.state);
+            checkpoint.stored = verified(*folder);
+            is_whole = true;
+            checkpoint.state = load(checkpoint.stored, agent, restore_games);
             return checkpoint;
         } catch (const std::exception& error) {
+            const auto why = failure_sentence(error);
             const auto* system = dynamic_cast<const std::system_error*>(&error);
-            // It may be whole, and would be deleted as one that was passed over.
+            // Of these it is not, or may not be, the checkpoint's fault, and one that is passed over is
+            // deleted.
             if (is_out_of_memory(error) || (system != nullptr && !is_missing(system->code())))
                 throw ResumeError(
                     fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it "
                                 "away to resume from the one before",
-                                folder->string(), failure_sentence(error)));
-            pass_over(failure_sentence(error));
+                                folder->string(), why));
+            if (is_whole || dynamic_cast<const OtherFormat*>(&error) != nullptr)
+                throw ResumeError(fmt::format(
+                    "the checkpoint {} is not damaged, but does not fit: {}; undo what has changed since "
+                    "it was written, or move it away to resume from the one before",
+                    folder->string(), why));
+            checkpoint.passed_over.push_back(
+                fmt::format("The checkpoint {} cannot be read: {}", folder->string(), why));
         }
     }
     throw ResumeError(

@@ -99,6 +99,21 @@ std::span<const T> stored_values(const TensorMap& state, const std::string& name
     return {found->second.const_data_ptr<T>(), size};
 }
 
+/// Throws for ends that contradict each other: the frame stack and the replay would run on into another
+/// episode.
+void require_ends(std::span<const StepResult> results, std::int64_t first) {
+    for (std::size_t i = 0; i < results.size(); ++i) {
+        const auto& result = results[i];
+        const auto number = first + static_cast<std::int64_t>(i);
+        if (result.episode_over && !result.terminal && !result.truncated)
+            throw std::invalid_argument(fmt::format(
+                "a step of environment {} has episode_over, but neither terminal nor truncated", number));
+        if (result.truncated && !result.episode_over)
+            throw std::invalid_argument(
+                fmt::format("a step of environment {} is truncated, but has no episode_over", number));
+    }
+}
+
 }  // namespace
 
 Collector::Collector(const MakeWorld& make_world, std::int64_t num_envs, std::uint64_t seed,
@@ -126,6 +141,7 @@ torch::Tensor Collector::observations() const {
 void Collector::step(const torch::Tensor& actions) {
     const auto rows = actions.contiguous();  // a policy's may lie column by column
     world_->step(view_of_actions(rows), next_frames_, final_frames_, results_);
+    require_ends(results_, first_);
 }
 
 void Collector::announce(const torch::Tensor& actions) {

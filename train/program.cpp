@@ -9,7 +9,6 @@
 #include <limits>
 #include <optional>
 #include <stdexcept>
-#include <thread>
 
 #include <ATen/Context.h>
 #include <ATen/Parallel.h>
@@ -19,6 +18,7 @@
 
 #include "agents/memory.h"
 #include "agents/process.h"
+#include "cale/cores.h"
 #include "cale/text.h"
 #include "policy/policy_info.h"
 #include "replay/available_memory.h"
@@ -27,6 +27,7 @@
 #include "settings/shell_text.h"
 #include "storage/append_file.h"
 #include "storage/files.h"
+#include "storage/metadata_text.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
 #include "terminal/console.h"
@@ -63,6 +64,9 @@ auto checked(const Make& make) {
 ProcessGroup join_processes(const std::optional<ProcessRank>& process, const TrainingProgram& program,
                             torch::Device device) {
     if (!process) return {};
+    if (process->rank == 0)
+        std::fprintf(stderr, "%s: waiting for the other %d of %d processes at %s:%d\n", program.name.c_str(),
+                     process->size - 1, process->size, process->master_address.c_str(), process->master_port);
     return checked([&] {
         ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
@@ -123,7 +127,7 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     if (program.spec().observation.shape.size() < 2) return 1;
     // OMP_NUM_THREADS is the user's word, but with several processes torchrun's.
     const int most = processes_here > 1 ? std::numeric_limits<int>::max() : at::get_num_threads();
-    const int all = std::min(static_cast<int>(std::thread::hardware_concurrency()), most);
+    const int all = std::min(static_cast<int>(usable_cores().size()), most);
     const int cores = std::max(1, all / processes_here);
     const auto env_threads = static_cast<int>(world.threads);
     // Environments that step during an update keep their cores. An agent that learns beside many steps leaves
@@ -162,32 +166,50 @@ bool has_run_record(const fs::path& folder) {
     return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
 }
 
-/// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
-/// checkpoint.
-void require_no_run(const fs::path& run_dir) {
+/// The nearest folder above that is a run's; empty: none is.
+fs::path run_above(const fs::path& run_dir) {
     const auto path = without_slash(fs::absolute(run_dir));
-    for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
-        if (!has_run_record(folder)) continue;
+    for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path())
+        if (has_run_record(folder)) return folder;
+    return {};
+}
+
+/// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
+/// checkpoint, or files of others that a run would replace.
+void require_no_run(const fs::path& run_dir) {
+    if (const auto above = run_above(run_dir); !above.empty()) {
         throw ConfigError(
             fmt::format("--run-dir {}: it is in the folder of another run, {}; choose another one",
-                        run_dir.string(), folder.string()));
+                        run_dir.string(), above.string()));
     }
     if (has_begun(run_dir)) {
         throw ConfigError(fmt::format(
             "--run-dir {}: a run is in there already; choose another folder, or resume it with --resume",
             run_dir.string()));
     }
-    if (fs::exists(run_dir / "config.yaml") && !has_run_record(run_dir)) {
-        throw ConfigError(fmt::format(
-            "--run-dir {}: its config.yaml is no run's, and would be replaced; choose another folder",
-            run_dir.string()));
+    // A run writes its metadata first.
+    if (!metadata_text(run_dir, "program").empty() || has_run_record(run_dir)) return;
+    for (const auto* name :
+         {"config.yaml", "metadata.json", "episodes.csv", "progress.csv", "joystick_events.csv",
+          "learning_curve.svg", "learning_curve.png", "checkpoints"}) {
+        if (!fs::exists(run_dir / name)) continue;
+        throw ConfigError(
+            fmt::format("--run-dir {}: its {} is no run's, and would be replaced; choose another folder",
+                        run_dir.string(), name));
     }
 }
 
 /// Without --run-dir no other process gets the same.
 NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
     try {
-        if (line.run_dir.empty()) return NewFolder::with_a_free_name(run_dir);
+        if (line.run_dir.empty()) {
+            if (const auto above = run_above(run_dir); !above.empty())
+                throw ConfigError(
+                    fmt::format("the working folder is that of another run, {}, or in it; work in another "
+                                "one, or give --run-dir",
+                                above.string()));
+            return NewFolder::with_a_free_name(run_dir);
+        }
         if (RunLock::is_taken(run_dir))
             throw ConfigError(
                 fmt::format("--run-dir {}: another process is training in there; choose another folder",
@@ -443,6 +465,13 @@ void record_resumption(const TrainingProgram& program, const fs::path& run_dir, 
         std::fprintf(stderr,
                      "%s: the run was trained on %s and continues on %s: its numbers differ from here on\n",
                      program.name.c_str(), earlier->c_str(), session.device.c_str());
+    const auto threads = metadata.threads();
+    if (threads && *threads != session.threads)
+        std::fprintf(
+            stderr,
+            "%s: the run was trained with --threads %d and continues with %d: its numbers may differ from "
+            "here on\n",
+            program.name.c_str(), *threads, session.threads);
     write_file_atomically(run_dir / "config.yaml", program.table.to_yaml());
     metadata.resume(session, trained_seconds);
     if (!changes.empty()) metadata.add_change(changes);

@@ -32,25 +32,35 @@ std::string time_report(const std::filesystem::path& run_dir) {
         return found->second;
     };
     const auto& seconds = column("seconds");
-    const auto steps = column("global_step").back();
+    const auto& step_of = column("global_step");
+    const auto steps = step_of.back();
     if (!std::isfinite(steps) || !std::isfinite(seconds.back()))
         throw std::runtime_error(
             fmt::format("{} is damaged: a row without steps or seconds; remove it", path.string()));
     TimeSplit split;
+    double timed_steps = 0;  // of the rows with times: a finished run that is resumed writes one without
     for (const auto& [name, part] : kTimeParts) {
         const auto& shares = column(fmt::format("time/{}", name));
-        double before = 0;
+        double before = 0, step_before = 0;
+        timed_steps = 0;
         for (std::size_t row = 0; row < shares.size(); ++row) {
-            if (!std::isnan(shares[row])) split.*part += shares[row] * (seconds[row] - before);
+            if (!std::isnan(shares[row])) {
+                split.*part += shares[row] * (seconds[row] - before);
+                timed_steps += step_of[row] - step_before;
+            }
             before = seconds[row];
+            step_before = step_of[row];
         }
     }
+    if (timed_steps == 0)
+        throw std::runtime_error(
+            fmt::format("{} has no row with times: the run was resumed after its end", path.string()));
     std::string text = fmt::format(
         "{}: {:.0f} agent steps in {:.1f} s, {:.1f} a second\n\n{:<12} {:>6} {:>12}\n", run_dir.string(),
         steps, seconds.back(), steps / seconds.back(), "", "share", "ms per step");
     for (const auto& [name, part] : kTimeParts) {
         text += fmt::format("{:<12} {:>5.1f}% {:>12.3f}\n", name, 100 * (split.*part) / total_seconds(split),
-                            1000 * (split.*part) / steps);
+                            1000 * (split.*part) / timed_steps);
     }
     return text;
 }

@@ -40,7 +40,7 @@ class Environments final : public World {
 
     /// Throws std::invalid_argument where `frames` is not N x frame_size bytes.
     void reset(std::span<std::uint8_t> frames) override {
-        require("bytes of frames", frames.size(), games_.size() * frame_size());
+        require("bytes of frames", frames.size(), games_.size() * frame_size_);
         for (std::size_t i = 0; i < games_.size(); ++i) {
             games_[i].reset();
             games_[i].draw(row(frames, i));
@@ -49,13 +49,13 @@ class Environments final : public World {
 
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override {
-        require("bytes of frames", frames.size(), games_.size() * frame_size());
-        require("bytes of final frames", final_frames.size(), games_.size() * frame_size());
+        require("bytes of frames", frames.size(), games_.size() * frame_size_);
+        require("bytes of final frames", final_frames.size(), games_.size() * frame_size_);
         require("results", results.size(), games_.size());
-        if (std::holds_alternative<std::span<const float>>(actions) != (action_size() > 0))
+        if (std::holds_alternative<std::span<const float>>(actions) != (action_size_ > 0))
             throw std::invalid_argument("the world expects actions of the other kind");
         require("numbers of actions", std::visit([](const auto& all) { return all.size(); }, actions),
-                games_.size() * std::max<std::size_t>(1, action_size()));
+                games_.size() * std::max<std::size_t>(1, action_size_));
         std::exception_ptr first;
         for (std::size_t i = 0; i < games_.size(); ++i) {
             auto& game = games_[i];
@@ -105,31 +105,29 @@ class Environments final : public World {
     }
 
   private:
-    static std::size_t frame_size() {
-        return static_cast<std::size_t>(Game::observation_space().frame_size());
-    }
-    static std::size_t action_size() { return static_cast<std::size_t>(box_size(Game::action_space())); }
-
     static void require(const char* what, std::size_t given, std::size_t expected) {
         if (given != expected)
             throw std::invalid_argument("the world expects " + std::to_string(expected) + ' ' + what +
                                         ", not " + std::to_string(given));
     }
 
-    static std::span<std::uint8_t> row(std::span<std::uint8_t> frames, std::size_t i) {
-        return frames.subspan(i * frame_size(), frame_size());
+    std::span<std::uint8_t> row(std::span<std::uint8_t> frames, std::size_t i) const {
+        return frames.subspan(i * frame_size_, frame_size_);
     }
 
-    static StepResult step_one(Game& game, const Actions& actions, std::size_t i) {
+    StepResult step_one(Game& game, const Actions& actions, std::size_t i) const {
         if constexpr (requires { game.step(std::int64_t{}); }) {
             return game.step(std::get<std::span<const std::int64_t>>(actions)[i]);
         } else {
             return game.step(
-                std::get<std::span<const float>>(actions).subspan(i * action_size(), action_size()));
+                std::get<std::span<const float>>(actions).subspan(i * action_size_, action_size_));
         }
     }
 
     std::vector<Game> games_;
+    // A space holds vectors: too much to make it again in every step.
+    std::size_t frame_size_ = static_cast<std::size_t>(Game::observation_space().frame_size());
+    std::size_t action_size_ = static_cast<std::size_t>(box_size(Game::action_space()));
 };
 
 }  // namespace cale

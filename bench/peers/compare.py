@@ -57,12 +57,16 @@ options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], he
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates and PPO")
 options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
 options.add_argument("--csv", default=f"{BUILD}/bench.csv")
+options.add_argument("--check", action="store_true", help="check these options and stop")
 options = options.parse_args()
 
+if os.path.exists(options.csv):
+    sys.exit(f"bench/compare: {options.csv} is there already, perhaps of hours of work: remove it, or name another --csv")
+if options.check:
+    sys.exit()
 if "CALE_PEERS" not in os.environ:
     sys.exit("run bench/compare: it installs the peers")
 log = open(f"{BUILD}/bench.log", "w")
-table = open(options.csv, "w", newline="")
 rows = []
 
 
@@ -94,11 +98,11 @@ def peer(name, key, threads, *arguments, first_core=0):
 def keep(**row):
     """At once: all of it takes hours, and what was measured before an error is worth having."""
     rows.append(row)
-    writer = csv.DictWriter(table, row)
-    if len(rows) == 1:
-        writer.writeheader()
-    writer.writerow(row)
-    table.flush()
+    with open(options.csv, "a", newline="") as table:
+        writer = csv.DictWriter(table, row)
+        if len(rows) == 1:
+            writer.writeheader()
+        writer.writerow(row)
 
 
 def compare(section, agent, encoder, threads, unit, ours, peers):
@@ -132,8 +136,8 @@ def available(names):
 
 
 def environments():
-    what = f"agent steps per second on {GAME}, sticky actions, 84x84x4"
-    heading(f"Environment: {what}", "environments", "actions")
+    what = f"agent steps per second on {GAME}, sticky actions, 84x84"
+    heading(f"Environment, ours from C++ and a frame a step, theirs from Python and four: {what}", "environments", "actions")
     for num_envs, threads in SHAPES:
         shape = [GAME, num_envs, threads, 6000]
 
@@ -150,7 +154,7 @@ def environments():
         discrete = ["ale-py-discrete", "envpool"] + (["envpool-async"] if num_envs > 1 else [])
         compare("env", f"{num_envs}", "discrete", threads, "steps/s", ours("minimal"), {n: theirs(n) for n in discrete})
 
-    heading(f"Environment from Python: {what}", "environments", "actions")
+    heading(f"Environment, all from Python and four frames a step: {what}", "environments", "actions")
     for num_envs, threads in SHAPES:
         def python(name):
             return lambda: peer(name, "steps_per_second", threads, name, GAME, num_envs, threads, 6000)

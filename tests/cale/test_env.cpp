@@ -382,6 +382,29 @@ TEST(EmulatorEnv, ModesAndDifficultiesChangeTheGame) {
     EXPECT_NE(ram_of({}, {}), ram_of({}, 1));
 }
 
+TEST(EmulatorEnv, WithoutADifficultyAGameIsPlayed) {
+    // Of Backgammon ALE plays difficulty 3 alone; at 0, where ALE begins, its board is set up.
+    const auto ram_of = [](std::optional<std::int64_t> difficulty) {
+        auto config = discrete("backgammon");
+        config.sticky_probability = 0;
+        config.difficulty = difficulty;
+        Played played(config);
+        for (std::uint64_t t = 0; t < 80; ++t) played.random_step(t);
+        const auto ram = played.env.ram();
+        return Bytes(ram.begin(), ram.end());
+    };
+    EXPECT_EQ(ram_of({}), ram_of(3));
+}
+
+TEST(EmulatorEnv, AVariantThatIsOverAsItBeginsIsRefused) {
+    auto config = discrete("demon_attack");
+    config.mode = 3;
+    EXPECT_EQ(
+        message_of<std::invalid_argument>([&] { Played{config}; }),
+        "in ALE DemonAttack-mode3 is over as soon as it begins: choose another env.mode or env.difficulty "
+        "(cale games demon_attack lists them)");
+}
+
 TEST(EmulatorEnv, VariantsAreNamedAndResumed) {
     auto config = discrete("breakout");
     EXPECT_FALSE(cale::is_variant(config));

@@ -132,9 +132,11 @@ TEST(StickMotion, NoiseIsNormalAndKeepsTheStickInItsDisc) {
     stick.centre(random);
     double sum = 0, squares = 0, squares_of_y = 0, products = 0;
     constexpr int kCommands = 4000;
+    int far = 0;
     for (int i = 0; i < kCommands; ++i) {
         stick.command(kCentre, random);
         stick.advance();
+        far += std::abs(stick.position().x) > 0.2 ? 1 : 0;
         sum += stick.position().x;
         squares += stick.position().x * stick.position().x;
         squares_of_y += stick.position().y * stick.position().y;
@@ -144,6 +146,7 @@ TEST(StickMotion, NoiseIsNormalAndKeepsTheStickInItsDisc) {
     EXPECT_NEAR(std::sqrt(squares / kCommands), 0.1, 0.005);
     EXPECT_NEAR(std::sqrt(squares_of_y / kCommands), 0.1, 0.005);
     EXPECT_NEAR(products / kCommands, 0, 0.001);
+    EXPECT_NEAR(far, 0.0455 * kCommands, 40) << "beyond two standard deviations";
     for (int i = 0; i < 100; ++i) {
         stick.command(kRight, random);
         stick.advance();

@@ -27,6 +27,7 @@
 #include "evaluate/evaluation_progress.h"
 #include "evaluate/evaluation_report.h"
 #include "evaluate/policy_evaluation.h"
+#include "storage/files.h"
 #include "support/temporary_folder.h"
 #include "support/working_folder.h"
 #include "terminal/console.h"
@@ -281,6 +282,36 @@ TEST(EvaluationEmulator, FilmsTheGameThatIsAskedFor) {
     plan.film_minutes = 0.005;
     evaluate(decide, plan);
     EXPECT_LT(std::filesystem::file_size(plan.video), whole / 2);
+    const auto film_of = [&](std::int64_t number) {
+        plan.filmed_game = number;
+        evaluate(decide, plan);
+        return read_file(plan.video);
+    };
+    EXPECT_TRUE(film_of(1) == film_of(1));
+    EXPECT_FALSE(film_of(1) == film_of(0));
+}
+
+TEST(EvaluationEmulator, StopsWithTheGamesBeforeTheFirstThatHasNotEnded) {
+    const TemporaryFolder folder;
+    auto plan = short_games();
+    plan.games = 4;
+    plan.parallel = 1;
+    const auto whole = evaluate(by_sight(), plan);
+    EXPECT_FALSE(whole.interrupted);
+    plan.video = folder.path() / "game.mp4";
+    plan.filmed_game = 2;
+    const auto steps_of_two = whole.games[0].length + whole.games[1].length;
+    std::int64_t steps = 0;
+    plan.stop = [&] { return steps++ == steps_of_two + 3; };
+    const auto some = evaluate(by_sight(), plan);
+    EXPECT_TRUE(some.interrupted);
+    ASSERT_EQ(some.games.size(), 2u);
+    EXPECT_EQ(some.mean_return, (whole.games[0].episode_return + whole.games[1].episode_return) / 2);
+    EXPECT_GT(std::filesystem::file_size(plan.video), 1000u) << "the film ends where the game was stopped";
+
+    plan.parallel = 4;
+    plan.stop = [] { return true; };
+    EXPECT_TRUE(evaluate(by_sight(), plan).games.empty());
 }
 
 TEST(EvaluationEmulator, RefusesActionsOfAnotherKind) {

@@ -49,6 +49,18 @@ TEST(GameTable, SaysWhichRomsAreMissing) {
     EXPECT_THAT(game_details(find_game("pong"), empty.path().string()), HasSubstr("pong.bin, missing"));
 }
 
+TEST(GameTable, AFileThatIsAnotherThingIsNoRom) {
+    const test::TemporaryFolder folder;
+    folder.write("pong.bin", "Pong?");
+    EXPECT_THAT(game_table(folder.path().string(), true),
+                HasSubstr("not this game's: " + (folder / "pong.bin").string()));
+    EXPECT_THAT(game_csv(folder.path().string(), true),
+                ContainsRegex("\nPong,pong,1,-20\\.7,14\\.6,-20\\.[0-9]+,-20\\.[0-9]+,6,1,,\n"));
+    EXPECT_THAT(mode_table(folder.path().string(), true), HasSubstr("the ROM is not this game's: "));
+    EXPECT_THAT(game_details(find_game("pong"), folder.path().string()),
+                HasSubstr("pong.bin, not this game's: "));
+}
+
 TEST(GameTableEmulator, AsksTheEmulatorForTheActions) {
     // One ROM alone, as an emulator takes a tenth of a second to start.
     const test::TemporaryFolder folder;

@@ -73,6 +73,17 @@ TEST(Keyboard, KeysThatAreLetGoNoLongerCount) {
     EXPECT_EQ(joystick(hands).fire, 0);
 }
 
+TEST(Keyboard, AKeyThatIsTappedBetweenTwoStepsCountsInTheNextOne) {
+    Hands hands;
+    press(hands, "Space", true);
+    press(hands, "Space", false);
+    EXPECT_EQ(take_joystick(hands).fire, 1);
+    EXPECT_EQ(take_joystick(hands).fire, 0);
+    press(hands, "Left", true);
+    EXPECT_EQ(take_joystick(hands).radius, 1);
+    EXPECT_EQ(take_joystick(hands).radius, 1);  // as it is held
+}
+
 TEST(Keyboard, OfTwoKeysThatDoTheSameOneIsEnough) {
     Hands hands;
     for (const auto* const key : {"Up", "W", "Space", "Right Button", "Left Shift", "Right Shift"})

@@ -118,6 +118,34 @@ TEST(PlayEmulator, APausedGameStandsStill) {
     EXPECT_THAT(player.titles.back(), testing::Not(testing::HasSubstr("paused")));
 }
 
+TEST(PlayEmulator, APlayerWhoLeavesIsHeardWithinAStep) {
+    Player player;
+    player.moves = [](int step, Hands&) { return step == 3 ? Command::quit : Command::none; };
+    play({.env = breakout(), .speed = 0.001}, player.stage());  // a step takes a minute
+    EXPECT_EQ(player.steps, 3);
+    EXPECT_EQ(player.titles.size(), 1u);
+}
+
+TEST(PlayEmulator, AKnobStaysWhereItIsLeft) {
+    EnvConfig env = breakout();
+    env.paddle = Paddle::absolute;
+    Player player;
+    player.moves = [](int step, Hands& hands) {
+        hands.pointer.reset();
+        if (step < 4) hands.pointer = Stick{.x = -0.8};
+        return step == 12 ? Command::quit : Command::none;
+    };
+    play({.env = env, .speed = 0}, player.stage());
+    const auto placed = player.pictures.size();
+    player = {};
+    player.moves = [](int step, Hands& hands) {
+        hands.pointer = Stick{.x = -0.8};
+        return step == 12 ? Command::quit : Command::none;
+    };
+    play({.env = env, .speed = 0}, player.stage());
+    EXPECT_EQ(player.pictures.size(), placed);
+}
+
 TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
     const auto film = std::filesystem::path(testing::TempDir()) / "cale_play_policy.mp4";
     std::filesystem::remove(film);

@@ -47,6 +47,10 @@ expect(${sources} ${first}-dirty TRUE)
 in_sources(commit -q -a -m two)
 in_sources(rev-parse --short=12 HEAD)
 expect(${sources} ${output} TRUE)
+# A checkout of another user's, as root in a container has it.
+set(ENV{GIT_TEST_ASSUME_DIFFERENT_OWNER} 1)
+expect(${sources} ${output} FALSE)
+unset(ENV{GIT_TEST_ASSUME_DIFFERENT_OWNER})
 # Sources without a checkout of their own.
 expect(${sources}/inside unknown TRUE)
 file(REMOVE_RECURSE ${WORK_DIR})

@@ -164,6 +164,18 @@ TEST(Search, SamplesAreRankedInEachCombination) {
     EXPECT_THAT(ranks, ElementsAre(1.75, 2.25, 2.25, 3.75));
 }
 
+TEST(Search, ASampleThatFailedIsBehindOneInWhichNoGameHasEnded) {
+    std::vector<SampleScore> samples = {
+        {.sample = 1, .scores = {{"pong", std::nullopt}}, .failed = {"pong"}},
+        {.sample = 2, .scores = {{"pong", std::nullopt}}},
+        {.sample = 3, .scores = {{"pong", -21.0}}},
+    };
+    rank(samples);
+    std::vector<std::int64_t> order;
+    for (const auto& sample : samples) order.push_back(sample.sample);
+    EXPECT_THAT(order, ElementsAre(3, 2, 1));
+}
+
 /// A search whose runs have the returns that `returns` says, by sample, where they are trained.
 class HalvingSearch : public testing::Test {
   protected:

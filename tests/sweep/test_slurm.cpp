@@ -18,6 +18,7 @@
 
 #include "fake_program.h"
 #include "settings/config.h"
+#include "support/temporary_folder.h"
 #include "sweep/run_folder.h"
 
 namespace cale {
@@ -78,6 +79,9 @@ TEST_F(Slurm, TheScriptIsAnArrayWithATaskForEachRun) {
           "\nruns=(\n    Pong__sac__1\n    Pong__sac__2\n)\n",
           "/cale sweep 'my file.yaml' --only \"${runs[$SLURM_ARRAY_TASK_ID]}\" &\n"})
         EXPECT_THAT(script, HasSubstr(line));
+    EXPECT_THAT(slurm_script("/100%j", names, wanted), HasSubstr("--output=\"/100%%j/slurm/%A_%a.out\"\n"));
+    EXPECT_THAT(test::error_of<ConfigError>([&] { slurm_script("/a \"b\"", names, wanted); }),
+                HasSubstr("takes no folder with a quote or a line break in its name"));
 }
 
 /// Runs the script as a task of an array, with a `cale` that ends with 130 when it is told to stop.

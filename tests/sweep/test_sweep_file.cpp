@@ -101,6 +101,14 @@ TEST_F(SweepFile, ConfigurationsAreRelativeToTheFileAndMayNameTheAgent) {
     EXPECT_EQ(sweep.runs[0].config, folder_.path().parent_path() / "configs/ppo/200m.yaml");
     EXPECT_EQ(sweep.runs[1].config, folder_.path().parent_path() / "configs/der/200m.yaml");
     EXPECT_EQ(sweep.runs[1].agent, "der");
+    const auto twice =
+        read("config: ../{agent}/{agent}.yaml\nagent: sac\ngrid: {train.seed: 1, env.game: pong}\n");
+    EXPECT_EQ(twice.runs[0].config, folder_.path().parent_path() / "sac/sac.yaml");
+}
+
+TEST_F(SweepFile, RangesHaveTheirWholeNumbers) {
+    EXPECT_THAT(names("agent: sac\ngrid: {train.seed: 1_000..1_002, env.game: pong}\n"),
+                ElementsAre("Pong__sac__1000", "Pong__sac__1001", "Pong__sac__1002"));
 }
 
 TEST_F(SweepFile, AValueThatIsWrittenInTwoWaysIsOne) {

@@ -191,6 +191,20 @@ TEST_F(Checkpoints, TheNewestIsNotPassedOverForLackOfMemory) {
     EXPECT_EQ(load().state.step, 110);
 }
 
+TEST_F(Checkpoints, TheNewestIsNotPassedOverWhereItDoesNotFit) {
+    write_at(100);
+    const auto newest = write_at(110);
+    games_are_bad = true;
+    EXPECT_THAT([&] { load(); },
+                ThrowsMessage<ResumeError>(AllOf(HasSubstr("step_000000110 is not damaged, but does not fit"),
+                                                 HasSubstr("these games cannot be"))));
+    games_are_bad = false;
+    write_file_atomically(newest / "manifest.json", R"({"format_version": 6, "files": {}})");
+    EXPECT_THAT([&] { load(); },
+                ThrowsMessage<ResumeError>(AllOf(HasSubstr("step_000000110 is not damaged"),
+                                                 HasSubstr("version 6, this program reads version 5"))));
+}
+
 TEST_F(Checkpoints, OfAnOlderFormatAreNamedAsSuch) {
     const auto folder = write_at(100);
     fs::remove(folder / "manifest.json");

@@ -464,6 +464,18 @@ TEST(ProgramEmulator, AConfigurationThatIsNoRunsIsNotOverwritten) {
                 testing::HasSubstr("holds no checkpoint to resume from; give --run-dir another folder\n"));
 }
 
+TEST(ProgramEmulator, FilesThatAreNoRunsAreNotReplaced) {
+    for (const auto* name :
+         {"metadata.json", "episodes.csv", "learning_curve.svg", "checkpoints/my.partial/notes"}) {
+        const TemporaryFolder folder;
+        folder.write(name, "mine");
+        const auto refused = train_sac(small(folder.path()));
+        EXPECT_EQ(refused.code, 2) << name;
+        EXPECT_THAT(refused.stderr_text, testing::HasSubstr("is no run's, and would be replaced"));
+        EXPECT_EQ(folder.read(name), "mine");
+    }
+}
+
 TEST(ProgramEmulator, ARunThatCannotBeResumedStaysFinished) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(), {"log.every=4"})).code, 0);

@@ -33,6 +33,18 @@ TEST(TimeReport, WeighsEachRowByItsSeconds) {
     EXPECT_THAT(report, HasSubstr("log            0.0%        0.000"));
 }
 
+TEST(TimeReport, LeavesOutARowWithoutTimes) {
+    // As a finished run that is resumed writes it.
+    const test::TemporaryFolder folder;
+    folder.write("progress.csv", kHeader +
+                                     "1000,4000,2,500,,0,1,0,0,0,0\n"
+                                     "2000,8000,10,0,0.5,,,,,,\n");
+    EXPECT_THAT(time_report(folder.path()), HasSubstr("environment  100.0%        2.000"));
+    folder.write("progress.csv", kHeader + "2000,8000,10,0,0.5,,,,,,\n");
+    EXPECT_THAT([&] { time_report(folder.path()); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("has no row with times")));
+}
+
 TEST(TimeReport, SaysWhatIsMissing) {
     const test::TemporaryFolder folder;
     EXPECT_THAT([&] { time_report(folder.path()); },

@@ -585,6 +585,24 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
                 testing::ElementsAre(25.5, 50.5, 100.5));
 }
 
+/// Who says that a game is over, and not why.
+class UnexplainedEnds final : public BlankWorld {
+  public:
+    void step(const Actions&, std::span<std::uint8_t> frames, std::span<std::uint8_t>,
+              std::span<StepResult> results) override {
+        std::ranges::fill(frames, 0);
+        results[0] = {.episode_over = true};
+    }
+};
+
+TEST_F(TrainingEmulator, AWorldWhoseEndsContradictEachOtherIsNamed) {
+    eval.episodes = 0;
+    train_config.total_steps = 10;
+    EXPECT_THAT([&] { train_in<UnexplainedEnds>(); },
+                testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
+                    "a step of environment 0 has episode_over, but neither terminal nor truncated")));
+}
+
 /// Whose steps last 1, 4 and 2 frames in turn, and whose games take three steps, every other one cut off.
 class UnevenSteps final : public BlankWorld {
   public:
