@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <torch/types.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -136,14 +137,30 @@ TEST(PlayEmulator, AKnobStaysWhereItIsLeft) {
         return step == 12 ? Command::quit : Command::none;
     };
     play({.env = env, .speed = 0}, player.stage());
-    const auto placed = player.pictures.size();
+    const auto placed = player.pictures;
     player = {};
     player.moves = [](int step, Hands& hands) {
         hands.pointer = Stick{.x = -0.8};
         return step == 12 ? Command::quit : Command::none;
     };
     play({.env = env, .speed = 0}, player.stage());
-    EXPECT_EQ(player.pictures.size(), placed);
+    EXPECT_TRUE(player.pictures == placed);
+}
+
+TEST(PlayEmulator, InRealTimeTheGamesHaveTheFramesThatThereWere) {
+    PlayPlan plan{.env = breakout(), .games = 2, .real_time = true};
+    plan.env.max_frames_per_episode = 40;
+    std::vector<std::int64_t> frames;
+    plan.ended = [&](const EvaluatedGame& game) { frames.push_back(game.frames); };
+    Player player;
+    player.moves = [](int, Hands&) { return Command::pause; };  // which a console knows not
+    const auto counts = play(plan, player.stage());
+    ASSERT_EQ(frames.size(), 2u);
+    EXPECT_GE(frames[0], 40);
+    EXPECT_EQ(frames[0] + frames[1], counts.frames);
+    EXPECT_EQ(std::ranges::count_if(player.titles,
+                                    [](const auto& title) { return title.find("paused") != title.npos; }),
+              0);
 }
 
 TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
