@@ -389,10 +389,8 @@ constexpr const char* kFooter =
     "steps/game_N.csv.\n"
     "Of a folder of runs: the same tables to evaluations/ in each run, where cale report --score "
     "evaluation reads\n"
-    "them. What was evaluated by the same protocol is not played again; after Ctrl-C or a kill the same "
-    "command "
-    "continues.\n"
-    "What another process evaluates is left to it, and is no failure.\n"
+    "them. What was evaluated by the same protocol is not played again; after Ctrl-C or a kill the same\n"
+    "command continues. What another process evaluates is left to it, and is no failure.\n"
     "\n"
     "Examples:\n"
     "  cale evaluate runs/Breakout__sac__1__1795270400 --video\n"
@@ -401,9 +399,8 @@ constexpr const char* kFooter =
     "env.sticky_probability=0.25\n"
     "  cale evaluate runs/encoders\n"
     "\n"
-    "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage, 130 interrupted: the tables "
-    "have\n"
-    "the games up to then.";
+    "Exit codes: 0 done, 1 failed, of a folder of runs: at least one, 2 usage, 130 interrupted: the tables\n"
+    "have the games up to then.";
 
 }  // namespace
 

@@ -55,8 +55,7 @@ void export_page(const Options& options) {
     if (!fs::is_empty(made.path()) && !fs::exists(made.path() / "cale_module.wasm")) {
         throw ConfigError(
             fmt::format("--web {}: there are files in it that are none of a page of cale's, and one of the "
-                        "same name would be "
-                        "written over; give a new folder",
+                        "same name would be written over; give a new folder",
                         options.web));
     }
     const auto info = export_web_page(options.from, page, options.web);
