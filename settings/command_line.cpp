@@ -335,9 +335,10 @@ std::string help_text(std::string_view program, std::string_view description, co
         "  {0} --resume --run-dir runs/breakout\n"
         "  {0} --config FILE.yaml --print-config\n\n",
         program);
-    return text +
-           wrap("exit codes: 0 done, 1 failed, 2 usage, 3 cannot resume, 130 interrupted after a checkpoint",
-                0, width);
+    return text + wrap(
+                      "exit codes: 0 done, 1 failed, 2 usage, 3 cannot resume, 4 diverged, 130 interrupted "
+                      "after a checkpoint",
+                      0, width);
 }
 
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,

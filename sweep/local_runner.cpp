@@ -188,7 +188,8 @@ class LocalRunner {
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
         const auto last_line = last_log_line(job.folder);
-        const bool hopeless = end.exit_code == kUsage || end.exit_code == kCannotResume;
+        const bool hopeless =
+            end.exit_code == kUsage || end.exit_code == kCannotResume || end.exit_code == kDiverged;
         if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;
         failed(job, text_of(end) + (end.exit_code >= 0 && !last_line.empty() ? ": " + last_line : ""),
                !hopeless);

@@ -579,6 +579,8 @@ int run_program(const TrainingProgram& program, int argc, const char* const* arg
         return fail(error, kCannotResume);
     } catch (const CutFile& error) {
         return fail(error, kCannotResume);
+    } catch (const Diverged& error) {
+        return fail(error, kDiverged);
     } catch (const std::exception& error) {
         return fail(error, kFailed);
     }

@@ -39,7 +39,7 @@ struct TrainingProgram {
 };
 
 /// Reads the command line, makes or opens the run's folder, trains.
-/// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume,
+/// Returns the exit code: 0 done, 1 failed, 2 usage or configuration, 3 cannot resume, 4 diverged,
 /// 130 interrupted after a checkpoint. Every error is one sentence on stderr.
 int run_program(const TrainingProgram& program, int argc, const char* const* argv);
 

@@ -75,7 +75,7 @@ void check_finite(const std::map<std::string, double>& metrics, const RunState& 
                   const fs::path& run_dir) {
     for (const auto& [name, value] : metrics) {
         if (std::isfinite(value)) continue;
-        throw std::runtime_error(
+        throw Diverged(
             fmt::format("{} became {} by agent step {}: training stopped, and the last checkpoint in {} is "
                         "from before; a lower agent.learning_rate is the usual remedy",
                         name, value, state.step, (run_dir / "checkpoints").string()));

@@ -72,6 +72,7 @@ case $mode in
         checkpoint 050; echo "it broke"; exit 1 ;;
     fail) echo "it breaks always"; exit 1 ;;
     unresumable) echo "another configuration"; exit 3 ;;
+    diverge) echo "a loss became nan"; exit 4 ;;
     killed_once)
         [ -e "$here/killed" ] && finish
         touch "$here/killed"; kill -9 $$ ;;

@@ -22,6 +22,7 @@ namespace test {
 ///   fail_once     fails the first time, at a checkpoint of step 50
 ///   fail          fails always
 ///   unresumable   leaves with exit code 3
+///   diverge       leaves with exit code 4
 ///   killed_once   kills itself by SIGKILL the first time
 class FakeProgram {
   public:

@@ -106,6 +106,11 @@ TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
     EXPECT_THAT(said(), HasSubstr("4 runs: 2 finished, 2 failed\n"));
 }
 
+TEST_F(LocalSweep, ARunThatDivergesIsNotTriedAgain) {
+    EXPECT_EQ(run(fake_.runs({"diverge"})), 1);
+    EXPECT_EQ(fake_.output("diverge_0"), "started with output.log \na loss became nan\n");
+}
+
 TEST_F(LocalSweep, ARunThatIsKilledStartsAgain) {
     EXPECT_EQ(run(fake_.runs({"killed_once"})), 0);
     EXPECT_THAT(said(), HasSubstr("killed by signal 9 (Killed); retrying (1 of 1)"));

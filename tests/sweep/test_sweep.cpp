@@ -298,7 +298,16 @@ TEST(SmokeSweepSlow, SurvivesKillsWithTheSameResults) {
         killed +=
             answer_of(fmt::format("timeout -s KILL {} {}", seconds, command("killed"))).status != 0 ? 1 : 0;
     EXPECT_GT(killed, 0) << "it was faster than any of these times";
+    // And once a run has a checkpoint.
+    answer_of(
+        fmt::format("{} & sweep=$!\n"
+                    "for i in $(seq 3000); do\n"
+                    "ls -d {}/*/checkpoints/step_000000040 >/dev/null 2>&1 && break; sleep 0.02\n"
+                    "done\n"
+                    "kill -KILL $sweep",
+                    command("killed"), (folder / "killed").string()));
     ASSERT_EQ(answer_of(command("killed")).status, 0) << folder.read("said");
+    EXPECT_THAT(folder.read("said"), HasSubstr("resumed"));
     for (const std::string run : {"Pong__sac__encoder=phi_dqn__exploration=standard__1",
                                   "Pong__sac__encoder=phi_dqn__exploration=epsilon_greedy__1"}) {
         EXPECT_TRUE(results_of(folder / "killed" / run) == results_of(folder / "whole" / run)) << run;
