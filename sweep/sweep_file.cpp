@@ -418,8 +418,8 @@ class RunMaker {
     /// `settings`: those of a run, of which one may be the key misspelt.
     [[noreturn]] void missing(std::string_view key, std::string_view example,
                               const std::vector<Setting>& settings = {}) const {
-        std::vector<std::string> keys;
-        for (const auto& setting : settings) keys.push_back(setting.key);
+        std::vector<std::string> keys(settings.size());
+        std::ranges::transform(settings, keys.begin(), &Setting::key);
         const auto misspelt = nearest(key, keys);
         const auto remedy = misspelt.empty() ? fmt::format("add '{}'", example)
                                              : fmt::format("did you mean it by '{}'?", misspelt);
