@@ -26,7 +26,7 @@ torch::Tensor frames_on(const ReplayConfig& config, torch::Device device) {
         frames[-1].zero_();
         return frames;
     } catch (const c10::Error& error) {
-        // Of a lack of memory there is an own type on GPUs alone.
+        // As is_out_of_memory() of terminal/failure.h, which lies above, tells it.
         const std::string_view text(error.what());
         if (text.find("out of memory") == text.npos && text.find("can't allocate memory") == text.npos) throw;
         std::ostringstream message;

@@ -53,8 +53,9 @@ bool is_out_of_memory(const std::exception& error) {
 }
 
 bool is_of_the_machine(const std::exception& error) {
+    if (is_out_of_memory(error)) return true;
     const auto* const system = dynamic_cast<const std::system_error*>(&error);
-    if (system == nullptr || is_out_of_memory(error)) return is_out_of_memory(error);
+    if (system == nullptr) return false;
     const auto& reason = system->code();
     return is_full(reason) || reason == std::errc::file_too_large || reason == std::errc::io_error ||
            reason == std::errc::read_only_file_system || reason == std::errc::permission_denied;
