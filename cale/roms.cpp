@@ -39,7 +39,8 @@ std::filesystem::path find_rom(std::string_view game, const std::string& rom_dir
                              (rom_dir.empty()
                                   ? ": run scripts/setup, or let env.rom_dir or ALE_ROMS_DIR name a "
                                     "folder that has it"
-                                  : ": let env.rom_dir name a folder that has it, or leave it out"));
+                                  : ": let env.rom_dir name a folder that has it, or leave it out, and "
+                                    "ALE_ROMS_DIR and the folder of scripts/setup are searched"));
 }
 
 std::vector<std::filesystem::path> find_roms(const EnvConfig& config) {
