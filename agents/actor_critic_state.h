@@ -83,8 +83,8 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
 /// `Network`: SacNetwork or SacdNetwork.
 template <class Network>
 struct ActorCriticState {
-    /// `log_alpha` [1] requires a gradient. The target is used as given. alpha's optimiser is like the
-    /// networks' where it has no configuration of its own.
+    /// `log_alpha` [1] requires a gradient. The target is used as given. Where alpha's optimiser has no
+    /// configuration of its own, it is like the networks', weight decay included.
     ActorCriticState(Network online, Network target_network, torch::Tensor initial_log_alpha,
                      const AdamConfig& adam_config,
                      const std::optional<AdamConfig>& alpha_adam_config = std::nullopt)

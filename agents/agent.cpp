@@ -1,7 +1,5 @@
 #include "agents/agent.h"
 
-#include <stdexcept>
-
 namespace cale {
 
 void require_continuous(std::string_view who, const AgentSpec& spec) {
@@ -17,6 +15,11 @@ void require_discrete(std::string_view who, const AgentSpec& spec) {
         std::string(who) +
         " chooses among numbered actions; this world has the continuous joystick's coordinates: set "
         "env.action_space to minimal or full, or env.joystick to factored");
+}
+
+void require_finite(const torch::Tensor& numbers, std::string_view what) {
+    if (numbers.isfinite().all().item<bool>()) return;
+    throw Diverged(std::string(what) + " is not finite: training has diverged, try a lower learning_rate");
 }
 
 void add_mean_action(std::map<std::string, double>& metrics, const ActionSpace& space,

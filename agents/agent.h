@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -81,6 +82,15 @@ AgentPolicy policy_of(const Network& network, bool samples, double epsilon) {
     return policy_of(network->acting, *network, samples, epsilon);
 }
 
+/// A number of an agent is not finite: trained again from the newest checkpoint it would be the same on a
+/// CPU.
+struct Diverged : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+/// Throws Diverged, which calls the numbers `what`, where one of them is not finite.
+void require_finite(const torch::Tensor& numbers, std::string_view what = "the actor's output");
+
 /// With exploration (train), or as in evaluations (evaluate).
 enum class ActMode { train, evaluate };
 
@@ -89,7 +99,8 @@ class Agent {
   public:
     virtual ~Agent() = default;
 
-    /// Returns one action for each observation [N, stack, ...] uint8: [N, A] float32, or [N] int64.
+    /// Returns one action for each observation [N, stack, ...] uint8: [N, A] float32, or [N] int64. Throws
+    /// Diverged where none can be chosen.
     virtual torch::Tensor act(const torch::Tensor& observations, ActMode mode) = 0;
 
     /// Records the outcome of the actions. Called once per agent step.

@@ -1,6 +1,5 @@
-// What SAC's critics learn of a state and an action: the mean return, or the return's distribution (C51), as
-// the network of DER does.
-//   Bellemare et al. 2017, "A Distributional Perspective on Reinforcement Learning" (C51 below)
+// What SAC's critics learn of a state and an action: the mean return, or the return's distribution
+// (agents/c51.h).
 #pragma once
 
 #include <cstdint>
@@ -9,22 +8,12 @@
 
 #include <torch/types.h>
 
+#include "agents/c51.h"
 #include "cale/fields.h"
 #include "networks/actor_critic.h"
 #include "replay/types.h"
 
 namespace cale {
-
-/// Returns the support of a distribution: `num_atoms` returns, evenly from -limit to limit, [atoms].
-torch::Tensor atom_support(std::int64_t num_atoms, double limit, const torch::TensorOptions& options);
-
-/// C51's projection (its equation 7): a distribution [B, atoms] over the returns `returns` [B, atoms] as
-/// one over `support` [atoms].
-torch::Tensor project_distribution(const torch::Tensor& returns, const torch::Tensor& probabilities,
-                                   const torch::Tensor& support);
-
-/// Returns the cross-entropy [B] of a predicted distribution, by its logits [B, atoms], from `target`.
-torch::Tensor cross_entropy(const torch::Tensor& target, const torch::Tensor& logits);
 
 /// Whose action the critics' target values: see CriticSettings::target.
 enum class CriticTarget { target_mean_action, sampled_action };
@@ -54,7 +43,7 @@ void fields(CriticSettings& settings, Visit&& visit) {
 
 /// The targets of both critics at the stored actions.
 struct CriticTargets {
-    torch::Tensor values;             // [B] y, beyond the atoms too
+    torch::Tensor values;             // [B] y, not cut at critic_limit
     torch::Tensor distribution = {};  // [B, atoms] of y, projected; undefined for critics of the mean
 };
 

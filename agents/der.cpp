@@ -6,7 +6,7 @@
 #include <torch/types.h>
 #include <torch/utils.h>
 
-#include "agents/critic.h"
+#include "agents/c51.h"
 #include "networks/discrete_actions.h"
 #include "networks/layers.h"
 

@@ -44,17 +44,22 @@ template <class Visit>
 void fields(DerConfig& config, Visit&& visit) {
     fields(static_cast<QSettings&>(config), visit);
     visit("distributional", config.distributional, "learn the return's distribution (C51); off: its mean");
-    visit("num_atoms", config.num_atoms, Range{2, 10'000}, "returns that a distribution is made of");
-    visit("value_limit", config.value_limit, Range{1e-6, 1e9}, "atoms lie between plus and minus this");
+    visit("num_atoms", config.num_atoms, Range{2, 10'000},
+          "where distributional: returns that a distribution is made of");
+    visit("value_limit", config.value_limit, Range{1e-6, 1e9},
+          "where distributional: atoms lie between plus and minus this");
     visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
-    visit("noisy_sigma", config.noisy_sigma, Range{0, 10}, "initial noise of a weight, times sqrt(inputs)");
+    visit("noisy_sigma", config.noisy_sigma, Range{0, 10},
+          "where noisy: initial noise of a weight, times sqrt(inputs)");
     visit("noisy_evaluation", config.noisy_evaluation,
           "where noisy: with the noise in evaluations and policy files, too; off: without");
     visit("random_warmup", config.random_warmup,
           "where noisy: random actions for the first min_replay decisions");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
-    visit("priority_exponent", config.priority_exponent, Range{0, 10}, "alpha: loss to this power");
-    visit("importance_exponent", config.importance_exponent, Range{0, 10}, "beta of the importance weights");
+    visit("priority_exponent", config.priority_exponent, Range{0, 10},
+          "where prioritised: alpha, loss to this power");
+    visit("importance_exponent", config.importance_exponent, Range{0, 10},
+          "where prioritised: beta of the importance weights");
 }
 
 /// PER's importance weights [B], over their largest.

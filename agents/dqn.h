@@ -17,7 +17,7 @@
 
 namespace cale {
 
-/// The loss of an error e: e^2 (mse), or linear beyond 1 (huber).
+/// The loss of an error e: e^2 (mse), or e^2 / 2 up to 1 and |e| - 1/2 beyond (huber).
 enum class ValueLoss { mse, huber };
 std::span<const std::string_view> names_of(ValueLoss);
 

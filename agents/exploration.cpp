@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <stdexcept>
-#include <string>
 
 namespace cale {
 
@@ -16,12 +15,6 @@ double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, s
     const auto steps_left = static_cast<double>(decay_period + warmup_steps - step);
     const double bonus = (1 - final) * steps_left / static_cast<double>(decay_period);
     return final + std::clamp(bonus, 0.0, 1 - final);
-}
-
-void require_finite(const torch::Tensor& numbers, std::string_view what) {
-    if (numbers.isfinite().all().item<bool>()) return;
-    throw std::runtime_error(std::string(what) +
-                             " is not finite: training has diverged, try a lower learning_rate");
 }
 
 std::span<const std::string_view> names_of(RandomActions) {

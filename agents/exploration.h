@@ -46,7 +46,4 @@ void fields(EpsilonSettings& settings, Visit&& visit) {
 double linearly_decaying_epsilon(std::int64_t decay_period, std::int64_t step, std::int64_t warmup_steps,
                                  double final);
 
-/// Throws std::runtime_error that calls the numbers `what` where one of them is not finite.
-void require_finite(const torch::Tensor& numbers, std::string_view what = "the actor's output");
-
 }  // namespace cale

@@ -36,7 +36,7 @@ template <class Visit>
 void fields(NetworkSettings& settings, Visit&& visit) {
     visit("encoder", settings.encoder, "how observations become features; for bytes mlp, or flat: no layer");
     visit("phi_dqn", settings.phi_dqn,
-          "conv2d: phi_dqn as meant; row1d: row by row, as Dopamine's CALE agents run it");
+          "of that encoder: conv2d: as meant; row1d: row by row, as Dopamine's CALE agents run it");
     visit("hidden_layers", settings.hidden_layers, Range{0, 16},
           "hidden layers of the actor and of every critic");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of a hidden layer");

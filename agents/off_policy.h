@@ -92,7 +92,7 @@ class AgentReplay {
     /// Returns a batch on the agent's device, in the same memory every time. `index` stays on the CPU.
     Batch sample();
     /// Sets the priorities of the batch sampled last. Must be called before anything else is recorded. Throws
-    /// std::runtime_error for one that is not finite.
+    /// Diverged for one that is not finite.
     void set_priorities(const Batch& batch, const torch::Tensor& priorities);
 
     /// Returns the seconds spent so far in the replay, and in copying its batches to the device.
@@ -170,7 +170,7 @@ bool is_prioritised(const Config& config) {
 struct Acting {
     bool training;       // with exploration; else as evaluations act
     double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
-    bool draws_epsilon;  // of SAC and SAC-D: actions may be uniform; else nothing is drawn
+    bool draws_epsilon;  // SAC and SAC-D draw nothing where this is false; DQN and DER draw always
     at::Generator random;  // of training or of evaluation, on the CPU
 };
 
@@ -196,6 +196,15 @@ struct Acting {
 /// update_period is one update: 1 / update_period per agent step, as with N = 1.
 template <class Algorithm>
 class OffPolicy final : public Agent {
+    static_assert(
+        !requires(const typename Algorithm::Config& config) { config.prioritised; } ||
+            requires(const typename Algorithm::Losses& losses) { losses.priorities; },
+        "config.prioritised needs Losses::priorities");
+    static_assert(
+        !requires(const typename Algorithm::Config& config) { config.target_update_period; } ||
+            requires(Algorithm & algorithm) { algorithm.copy_to_target(); },
+        "config.target_update_period needs copy_to_target()");
+
   public:
     /// Throws as the algorithm and AgentReplay do.
     OffPolicy(const typename Algorithm::Config& config, const AgentSpec& spec)

@@ -60,10 +60,10 @@ template <class Visit>
 void fields(OnPolicySettings& settings, Visit&& visit) {
     fields(settings.network, visit);
     visit("torso", settings.torso,
-          "two_branch: CALE's, trained by the value only; shared: unpadded, 512 features that both losses "
-          "train");
+          "two_branch: CALE's, trained by the value only; shared: 512 features that both losses train, "
+          "unpadded but for impala and row1d");
     visit("log_std", settings.log_std,
-          "summed: 1 + hidden_units parameters per coordinate, as released; direct: one");
+          "of a box: summed: 1 + hidden_units parameters per coordinate, as released; direct: one");
     visit("gamma", settings.gamma, Range{0, 1}, "discount per agent step");
     visit("gae_lambda", settings.gae_lambda, Range{0, 1}, "lambda of the advantage estimate");
     visit("rollout_steps", settings.rollout_steps, Range{1, 1e7},
@@ -77,7 +77,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
     visit("learning_rate", settings.learning_rate, Range{0, 1}, "Adam's learning rate at the start");
     visit("anneal_learning_rate", settings.anneal_learning_rate, "let it fall linearly to 0");
     visit("anneal_steps", settings.anneal_steps, Range{0, 1e12},
-          "gradient steps until it is 0 (and stays so); 0: the whole run");
+          "where annealed: gradient steps until it is 0 (and stays so); 0: the whole run");
     visit("adam_epsilon", settings.adam_epsilon, Range{1e-12, 1}, "Adam's epsilon, outside the root");
     visit("reward_scale", settings.reward_scale, Range{0, 1e9}, "factor of every reward");
     visit("reward_clip", settings.reward_clip, Range{1e-6, 1e9},

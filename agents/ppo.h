@@ -16,7 +16,7 @@ namespace cale {
 
 /// The defaults are CALE's for 200 million frames.
 struct PpoConfig : OnPolicySettings {
-    static constexpr bool kDiscrete = false;
+    static constexpr bool kDiscrete = false;  // the default of env.action_space: it learns with both kinds
 
     double clip = 0.1;
     bool clip_value_loss = true;

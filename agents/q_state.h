@@ -34,7 +34,7 @@ template <class Visit>
 void fields(QSettings& settings, Visit&& visit) {
     visit("encoder", settings.encoder, "how observations become features; for bytes mlp, or flat: no layer");
     visit("padding", settings.padding,
-          "of the convolutions; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
+          "of phi_sac and phi_dqn; same: with zeros, as Dopamine; valid: without, as Mnih et al.");
     visit("hidden_units", settings.hidden_units, Range{1, 65'536}, "units of the hidden layer");
     visit("layer_norm", settings.layer_norm,
           "normalise behind the hidden layer, and behind those of mlp (Ba et al. 2016)");

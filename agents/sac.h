@@ -36,7 +36,7 @@ void fields(SacConfig& config, Visit&& visit) {
           "entropy of the policy that alpha is adjusted for");
     fields(config.critic, visit);
     visit("random_actions", config.random_actions,
-          "in the warm-up and by epsilon, in training; events: among the 18 of the joystick");
+          "in the warm-up and by epsilon, in training; events: among the 18 of the joystick, a paddle's 6");
 }
 
 /// Standard normal numbers of one update, [B, A] each.
@@ -45,9 +45,10 @@ struct SacNoise {
     torch::Tensor actor;   // for the action at the state
 };
 
-/// Without the actor only critic, q1, q2 and target_values are set.
+/// The first three are means over the batch and carry gradients. Without the actor only critic, q1, q2 and
+/// target_values are set.
 struct SacLosses {
-    torch::Tensor critic;          // [] see critic_loss(); [] are means with gradients
+    torch::Tensor critic;          // [] see critic_loss()
     torch::Tensor actor = {};      // [] J_pi
     torch::Tensor alpha = {};      // [] J_alpha
     torch::Tensor q1, q2;          // [B] values of the stored actions

@@ -19,6 +19,8 @@ std::uint8_t round_to_byte(float value) {
     return static_cast<std::uint8_t>(std::bit_cast<std::uint32_t>(value + kOneIsLastBit));
 }
 
+constexpr int kMostRows = 1024;  // of a screen: no console has half as many
+
 void require_size(std::size_t size, std::size_t expected, const char* what) {
     if (size == expected) return;
     throw std::invalid_argument(std::string(what) + " has " + std::to_string(size) + " bytes: it must have " +
@@ -58,6 +60,10 @@ FramePipeline::FramePipeline(int screen_height, const std::array<std::uint8_t, 2
     if (screen_height < kFrameHeight) {
         throw std::invalid_argument("a screen of " + std::to_string(screen_height) +
                                     " rows cannot be shrunk to " + std::to_string(kFrameHeight));
+    }
+    if (screen_height > kMostRows) {
+        throw std::invalid_argument("a screen of " + std::to_string(screen_height) +
+                                    " rows is no console's: it may have up to " + std::to_string(kMostRows));
     }
     std::ranges::copy(gray, gray_.begin());
     screens_.fill(std::vector<std::uint8_t>(height_ * kRow));

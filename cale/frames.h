@@ -32,7 +32,7 @@ std::vector<AreaCell> area_cells(int source, int target);
 class FramePipeline {
   public:
     /// For screens of `screen_height` rows by kScreenWidth columns of indices into `gray`.
-    /// Throws std::invalid_argument if index 0 is not black or there are fewer rows than in a frame.
+    /// Throws std::invalid_argument if index 0 is not black, and for less than a frame's rows or over 1024.
     FramePipeline(int screen_height, const std::array<std::uint8_t, 256>& gray);
 
     /// Must be called with the first screen of a game, which is pooled with black. Throws, as the functions

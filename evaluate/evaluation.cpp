@@ -339,6 +339,11 @@ Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const Eva
         stack.push(0, frame);
         EvaluatedGame game;
         for (StepResult step; !step.episode_over;) {
+            if (plan.stop && plan.stop()) {
+                evaluation.interrupted = true;
+                add_up(evaluation);
+                return evaluation;
+            }
             const auto chosen =
                 checked(decide(stack_tensor(stack, 1, space), {&number, 1}), /*games=*/1, action_space);
             world->step(view_of_actions(chosen.actions), frame, last_frame, {&step, 1});

@@ -183,12 +183,14 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     std::size_t row = 0;
     for (std::size_t frame = 1;
          static_cast<double>(frame) / kFramesPerSecond <= rows.seconds.back() + kRounding; ++frame) {
-        // The frame's command is what is known at its beginning; the position is that of its end.
+        // The frame's command is that of its middle, so that commands given between frames are as often early
+        // as late; the position is that of its end.
         const auto row_at = [&](double seconds) {
             while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;
             return row;
         };
-        log.commanded.push_back(rows.commanded[row_at(static_cast<double>(frame - 1) / kFramesPerSecond)]);
+        log.commanded.push_back(
+            rows.commanded[row_at((static_cast<double>(frame) - 0.5) / kFramesPerSecond)]);
         const double end = static_cast<double>(frame) / kFramesPerSecond;
         const std::size_t at = row_at(end), next = std::min(at + 1, rows.seconds.size() - 1);
         const double length = rows.seconds[next] - rows.seconds[at];

@@ -106,7 +106,7 @@ GoldenPair golden_pair(const StoredTensors& stored, const PolicyFile& policy) {
         numbers_of(stored, {std::string(kGoldenOutput), ElementType::f32, {output_size(network.head)}});
     const auto found = stored.tensors.find(std::string(kGoldenObservation));
     if (found == stored.tensors.end() || found->second.type != ElementType::u8 ||
-        found->second.bytes.size() != policy.info.observation_size()) {
+        found->second.shape != network.observation) {
         throw FileDamage("tensor 'golden.observation' is not an observation of its network");
     }
     golden.observation.assign(found->second.bytes.begin(), found->second.bytes.end());

@@ -587,7 +587,7 @@ void bind_policies(nb::module_& m) {
         .def(
             "__init__",
             [](PolicyInUse* self, const std::string& file) {
-                new (self) PolicyInUse(lite::Policy::load(file));
+                new (self) PolicyInUse(run_without_gil([&] { return lite::Policy::load(file); }));
             },
             "file"_a)
         .def_prop_ro("info", info_of, "All but the weights.")

@@ -60,6 +60,9 @@ std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<st
             throw std::invalid_argument(
                 fmt::format("--baselines {}: {} has no such column; the nearest are {}", name,
                             table.path.string(), fmt::join(nearest_names(name, known), ", ")));
+        if (std::ranges::count(known, name) > 1)
+            throw std::runtime_error(
+                fmt::format("{}: two columns are called '{}'; rename one", table.path.string(), name));
         const auto column = *table.find(name);
         Baseline baseline{.name = name};
         for (std::size_t row = 0; row < table.rows.size(); ++row) {

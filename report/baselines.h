@@ -16,11 +16,11 @@ struct Baseline {
     std::map<std::string, double, std::less<>> scores{};  // by Game::name
 };
 
-/// The columns called `names` of a table with a row per game, whose column `game` names it. Empty cells and
-/// unknown games are passed over.
+/// The columns called `names` of a table with a row per game, whose column `game` names it. Empty cells are
+/// passed over, and Defender and Surround, which published tables have beside the sixty.
 /// Throws std::invalid_argument for a name that is no column, naming the nearest, and
-/// std::runtime_error for a table without the column `game`, with a game twice, or where a score is no
-/// number.
+/// std::runtime_error for a table without the column `game`, with a game or a named column twice, with a game
+/// that is none, or where a score is no number.
 std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names);
 
 }  // namespace cale

@@ -59,7 +59,9 @@ std::vector<RewardQuantile> mean_reward_quantiles(const std::vector<const Run*>&
     double count = 0;
     for (const auto* run : runs) {
         const auto& own = run->reward_quantiles;
-        if (own.empty() || (!mean.empty() && mean.size() != own.size())) continue;
+        if (own.empty() || (!mean.empty() && !std::ranges::equal(mean, own, {}, &RewardQuantile::quantile,
+                                                                 &RewardQuantile::quantile)))
+            continue;
         if (mean.empty()) {
             mean = own;
         } else {
@@ -76,6 +78,7 @@ std::vector<ZoneRow> mean_zones(const std::vector<const Run*>& runs) {
     double end = 0;
     for (const auto* run : runs)
         if (!run->zones.empty()) end = std::max(end, run->zones.back().step);
+    if (end <= 0) return {};
     std::map<double, std::pair<ZoneRow, double>> parts;  // by number: sums, and of how many rows
     for (const auto* run : runs) {
         for (const auto& [step, shares] : run->zones) {

@@ -53,14 +53,20 @@ std::vector<std::string> labels_in(const std::vector<GameRow>& rows, const Compa
     return labels;
 }
 
-/// "2-5 runs per game", of these rows.
-std::string runs_in(const std::vector<GameRow>& rows) {
-    std::set<std::size_t> counts;
-    for (const auto& row : rows)
-        for (const auto* result : row.results)
-            if (result != nullptr) counts.insert(result->runs.size());
+/// "2-5 runs per game", of the runs in these rows that have what `member` is.
+template <class Data>
+std::string runs_in(const std::vector<GameRow>& rows, Data Run::*member) {
+    std::set<std::ptrdiff_t> counts;
+    for (const auto& row : rows) {
+        for (const auto* result : row.results) {
+            if (result == nullptr) continue;
+            const auto has = [&](const Run* run) { return !(run->*member).empty(); };
+            counts.insert(std::ranges::count_if(result->runs, has));
+        }
+    }
+    counts.erase(0);
     if (counts.empty()) return "no runs";
-    return runs_text(*counts.begin(), *counts.rbegin());
+    return runs_text(static_cast<std::size_t>(*counts.begin()), static_cast<std::size_t>(*counts.rbegin()));
 }
 
 std::int64_t drawn(const std::vector<std::string>& labels) {
@@ -304,7 +310,7 @@ Picture game_curves_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, grid.bottom(),
-        fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_in(rows),
+        fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_in(rows, &Run::scores),
                     interval_text(comparison, "bands", kBandResamples),
                     references.empty() ? "" : "; dashed lines that are far from the curves are left out"));
     return picture;
@@ -348,7 +354,7 @@ Picture event_figure(const Comparison& comparison) {
         fmt::format("part of the agent steps of {} at which the event was chosen; mean over the runs ({})",
                     comparison.config.score == ScoreKind::training ? "all of each run's training"
                                                                    : "each run's newest evaluation",
-                    runs_in(rows)));
+                    runs_in(rows, &Run::event_shares)));
     return picture;
 }
 
@@ -479,7 +485,7 @@ Picture zone_figure(const Comparison& comparison) {
     finish_picture(picture, grid.bottom(),
                    fmt::format("part of the agent steps since the point before, over agent steps; mean of "
                                "the runs ({}); six games at most",
-                               runs_in(rows)));
+                               runs_in(rows, &Run::zones)));
     return picture;
 }
 
@@ -514,7 +520,7 @@ Picture reward_figure(const Comparison& comparison) {
     finish_picture(picture, grid.bottom(),
                    "reward (vertical) that the given part of the agent steps (horizontal) of each run's "
                    "newest evaluation did not exceed; mean over the runs (" +
-                       runs_in(rows) + ")");
+                       runs_in(rows, &Run::reward_quantiles) + ")");
     return picture;
 }
 

@@ -37,25 +37,35 @@ bool is_notes(const fs::path& file) {
     return file.extension() == ".md" && std::ifstream(file).get() != '|';
 }
 
+/// The names of all files that reports have beside the page, with whatever runs.
+std::vector<std::string> file_names() {
+    std::vector<std::string> names;
+    for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
+                             "performance_profiles", "probability_of_improvement", "game_curves",
+                             "game_scores", "events", "zones", "rewards"})
+        for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
+            names.push_back(std::string(name) + extension);
+    return names;
+}
+
 /// Removes the files of an earlier report that the new one, with these names, does not have: they would stand
 /// beside it as if they were its own.
 void remove_others(const fs::path& folder, const std::vector<std::string>& names) {
-    for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
-                             "performance_profiles", "probability_of_improvement", "game_curves",
-                             "game_scores", "events", "zones", "rewards"}) {
-        for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
-            if (const auto other = std::string(name) + extension;
-                std::ranges::find(names, other) == names.end() && !is_notes(folder / other))
-                fs::remove(folder / other);
-    }
+    for (const auto& other : file_names())
+        if (std::ranges::find(names, other) == names.end() && !is_notes(folder / other))
+            fs::remove(folder / other);
 }
 
-/// Returns a file of these names that no earlier report wrote, or empty. `reported`: whether there was one.
+/// Returns a file that a report with these names would replace or a later one remove, and that no earlier one
+/// wrote, or empty. `reported`: whether there was one.
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names, bool reported) {
     for (const auto& name : names)
         if (auto file = folder / name;
             fs::exists(file) && (!reported || is_notes(file) || fs::is_directory(file)))
             return file;
+    if (reported) return {};
+    for (const auto& name : file_names())
+        if (auto file = folder / name; fs::exists(file) && !is_notes(file)) return file;
     return {};
 }
 

@@ -281,7 +281,7 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
     if (files.empty())
         throw std::runtime_error(
             "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
-            "runs");
+            "runs, such as cale evaluate runs");
     run.settings["evaluation"] = evaluations.protocol.text;
     for (const auto& path : files) {
         const auto table = read_whole_csv(path);

@@ -176,8 +176,14 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
         auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
         overrides.push_back(argument);
     }
-    if (!arguments.alternatives.empty() && !arguments.print_config)
-        throw ConfigError("--or is for --print-config");
+    if (!arguments.alternatives.empty()) {
+        if (!arguments.print_config) throw ConfigError("--or is for --print-config");
+        std::error_code ignored;
+        if (std::filesystem::exists(line.config_file, ignored) &&
+            !std::filesystem::is_regular_file(line.config_file, ignored))
+            throw ConfigError(fmt::format(
+                "--or reads --config {} again, which is no regular file; give it a file", line.config_file));
+    }
     check_device(line.device);
     check_threads(line.threads);
     if (!until.empty()) line.until = agent_step(until);
@@ -227,7 +233,10 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     if (of_the_run) {
         check_trained_by(program, line.run_dir);
         const auto saved = std::filesystem::path(line.run_dir) / "config.yaml";
-        if (std::filesystem::exists(saved)) line.config_file = saved.string();
+        if (std::filesystem::exists(saved))
+            line.config_file = saved.string();
+        else if (arguments.print_config)
+            throw ConfigError(fmt::format("--resume --run-dir {}: there is no run in there", line.run_dir));
     }
     if (!line.config_file.empty()) {
         try {
@@ -246,7 +255,13 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
             throw ConfigError(fmt::format("{} {}: {}", option.name, value, error.what()));
         }
     }
-    table.validate();
+    try {
+        table.validate();
+    } catch (const ConfigError& error) {
+        if (!of_the_run || line.config_file.empty()) throw;
+        throw ConfigError(fmt::format("{} (with {}, of which the run's checkpoints have copies)",
+                                      error.what(), line.config_file));
+    }
 }
 
 /// One YAML document after another: the settings as they are, then those of every alternative. What comes

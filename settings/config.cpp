@@ -143,6 +143,10 @@ class YamlReader {
         constexpr auto kWanted = "'extends' must name another file, or a list of files";
         const auto read_one = [&](const YAML::Node& name) {
             if (!name.IsScalar()) fail(file, name.IsNull() ? key : name, kWanted);
+            std::error_code ignored;
+            if (std::filesystem::path(name.Scalar()).is_relative() &&
+                !std::filesystem::is_regular_file(file, ignored))
+                fail(file, name, "in what is no regular file 'extends' must be an absolute path");
             read(file.parent_path() / name.Scalar(), place(file, name.Mark()) + ": ");
         };
         if (!base.IsSequence()) return read_one(base);

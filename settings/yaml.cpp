@@ -47,8 +47,11 @@ std::string unreadable(const fs::path& file, const std::error_code& reason) {
         return names.empty() ? text : fmt::format("{}; give a file in it: {}", text, listed(names));
     }
     const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-    const auto names = configurations_in(folder);
-    const auto guess = nearest(file.filename().string(), names);
+    auto names = configurations_in(folder);
+    std::erase(names, file.filename().string());
+    const auto guess = reason == std::errc::no_such_file_or_directory
+                           ? nearest(file.filename().string(), names)
+                           : std::string();
     if (!guess.empty()) {
         text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
     } else if (!names.empty()) {

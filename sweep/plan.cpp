@@ -57,6 +57,10 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
     }
     const auto agents = agents_in(folder);
     const auto guess = nearest(agent, agents);
+    if (agents.empty())
+        throw ConfigError(
+            fmt::format("agent '{}': there is no program {} in {} or on the PATH, nor any other", agent, name,
+                        folder.string()));
     throw ConfigError(fmt::format("agent '{}': there is no program {} in {} or on the PATH; {}", agent, name,
                                   folder.string(),
                                   guess.empty() ? fmt::format("there are {}", fmt::join(agents, ", "))

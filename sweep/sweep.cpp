@@ -69,12 +69,15 @@ std::size_t width_of(std::FILE* out) {
 void check_folder(const fs::path& folder) {
     std::error_code error;
     const auto there = fs::status(folder, error);
+    if (const auto run = run_above(folder); !run.empty())
+        refuse_folder(folder, fmt::format("it is in the folder of a run, {}", run.string()));
     if (there.type() == fs::file_type::not_found) return;
     if (there.type() == fs::file_type::none) refuse_folder(folder, error.message());
     if (!fs::is_directory(there)) refuse_folder(folder, "it is a file, not a folder");
     if (::access(folder.c_str(), R_OK | X_OK) != 0)
         refuse_folder(folder,
                       "it cannot be read: " + std::error_code(errno, std::generic_category()).message());
+    if (has_run_record(folder)) refuse_folder(folder, "it is the folder of one run, not of a sweep's");
 }
 
 /// Whether the sweep file may have more runs than this call, as the tasks of a job array have.

@@ -36,6 +36,7 @@ std::string short_count(std::int64_t count) {
 
 double seconds_left(const Progress& progress) {
     if (progress.step >= progress.total_steps) return 0;
+    if (!progress.learns) return std::numeric_limits<double>::infinity();
     return static_cast<double>(progress.total_steps - progress.step) / progress.steps_per_second;
 }
 

@@ -60,7 +60,7 @@ int main(int argc, char** argv) {
         "`cale COMMAND --help` says more, with examples.\n"
         "Agents are trained by train_sac, train_sacd, train_ppo, train_dqn and train_der.\n"
         "\n"
-        "Exit codes: 0 done, 1 failed, 2 usage; a sweep that was interrupted 130.");
+        "Exit codes: 0 done, 1 failed, 2 usage, 130 interrupted (evaluate, play, sweep).");
     int exit_code = cale::kDone;
     cale::add_bench(app);
     cale::add_completion(app);

@@ -1,4 +1,5 @@
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <string>
 
@@ -30,6 +31,13 @@ std::string description(const PolicyInfo& info) {
                        origin("seed"));
 }
 
+/// Whether it begins as a policy file does, or an ONNX file of ours, both of which name cale.
+bool is_exported(const fs::path& file) {
+    std::string head(65'536, '\0');
+    std::ifstream(file, std::ios::binary).read(head.data(), std::ssize(head));
+    return head.find(file.extension() == ".onnx" ? "cale" : "\"cale_policy\"") != head.npos;
+}
+
 void export_file(const Options& options) {
     check_output_file("--output", options.output);
     const fs::path output = options.output;
@@ -42,6 +50,9 @@ void export_file(const Options& options) {
             fmt::format("--output {} is there, and its name is not one of a policy file (.safetensors) or an "
                         "ONNX file (.onnx); give another",
                         options.output));
+    if (fs::is_regular_file(output, ignored) && fs::file_size(output) > 0 && !is_exported(output))
+        throw ConfigError(fmt::format("--output {} is there, and no cale export has written it; give another",
+                                      options.output));
     const bool onnx = options.format.empty() ? output.extension() == ".onnx" : options.format == "onnx";
     const auto write = onnx ? export_onnx : export_policy;
     const auto info = write(options.from, output);

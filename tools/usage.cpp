@@ -108,7 +108,10 @@ void refuse_forgotten_values(CLI::App& program) {
     const auto all = [](CLI::App*) { return true; };
     for (CLI::App* command : program.get_subcommands(all)) {
         for (CLI::Option* option : command->get_options()) {
-            if (option->get_type_size() == 0) continue;
+            if (option->get_type_size() == 0) {
+                option->disable_flag_override();
+                continue;
+            }
             option->check([command, option](const std::string& value) {
                 if (!value.empty() &&
                     (!value.starts_with("--") || command->get_option_no_throw(value) == nullptr))
@@ -162,16 +165,14 @@ std::string usage_sentence(const CLI::App& program, const CLI::ParseError& error
         return fmt::format("{}: give both, or neither", what);  // "--video-episode requires --video"
 
     std::string sentence = before("\n");
-    if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    if (what.ends_with("disallowed flag override")) {  // "strict was given a disallowed flag override"
+        sentence = fmt::format("--{} takes no value", before(" was given"));
+    } else if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
         const auto name = before(":");
         const auto* option = command.get_option_no_throw(name);
         sentence = fmt::format(
             "{} {}", name,
             option != nullptr && option->count() > 1 ? "is given more than once" : "needs a value");
-    } else if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
-        // Values were checked before they are converted: what is left are flags, "--video = maybe".
-        for (const auto& name : option_names(command))
-            if (what.find(name + " =") != what.npos) sentence = fmt::format("{} takes no value", name);
     } else if (const auto words = leftover(command); !words.empty()) {
         // CLI11 would rather say what a misspelled option was needed for.
         sentence = words;
@@ -190,7 +191,15 @@ void set_environment(EnvConfig& env, const std::vector<std::string>& settings) {
             throw ConfigError(fmt::format(
                 "--set {}: nothing is trained here, so only settings env.* can be changed", setting));
         }
-        table.set_override(setting);
+        try {
+            table.set_override(setting);
+        } catch (const ConfigError& error) {
+            std::string what = error.what();
+            const std::string_view every = "--help lists every key";  // that of a training program does
+            if (const auto at = what.find(every); at != what.npos)
+                what.replace(at, every.size(), "train_sac --help lists env.*");
+            throw ConfigError(what);
+        }
     }
 }
 

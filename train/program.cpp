@@ -162,18 +162,6 @@ fs::path choose_run_dir(const CommandLine& line, const TrainingProgram& program,
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
-bool has_run_record(const fs::path& folder) {
-    return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
-}
-
-/// The nearest folder above that is a run's; empty: none is.
-fs::path run_above(const fs::path& run_dir) {
-    const auto path = without_slash(fs::absolute(run_dir));
-    for (auto folder = path.parent_path(); folder != folder.parent_path(); folder = folder.parent_path())
-        if (has_run_record(folder)) return folder;
-    return {};
-}
-
 /// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
 /// checkpoint, or files of others that a run would replace.
 void require_no_run(const fs::path& run_dir) {
@@ -265,18 +253,26 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
                                       (newest / "config.yaml").string()));
     }
     if (line.config_file == file) require_whole_config(file, newest / "config.yaml");
-    std::string different, of_the_games;
+    std::string different, of_the_games, of_the_seed;
     for (const auto& [key, now, before] : changes_since(program, run_dir)) {
         const auto change = change_of_run(key, before, now, program.schedule_over_run());
         if (change.empty()) continue;
         different += (different.empty() ? "" : ", ") + change;
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
+        if (key == "train.seed") of_the_seed = change;
     }
     if (!different.empty() && !line.accept_changes) {
         throw ResumeError(fmt::format(
             "--resume {}: another configuration: {}; resume with the run's own (leave --config and --set "
             "out, and its config.yaml as it was){} or start a new run",
-            run_dir.string(), different, of_the_games.empty() ? ", say --accept-changes," : ""));
+            run_dir.string(), different,
+            of_the_games.empty() && of_the_seed.empty() ? ", say --accept-changes," : ""));
+    }
+    if (!of_the_seed.empty()) {
+        throw ResumeError(
+            fmt::format("--resume {} --accept-changes: a run's random numbers continue from its checkpoint, "
+                        "whatever its seed: {}; start a new run",
+                        run_dir.string(), of_the_seed));
     }
     if (!of_the_games.empty()) {
         throw ResumeError(

@@ -33,9 +33,6 @@ namespace {
 constexpr std::size_t kRecentEpisodes = 100;
 constexpr std::ptrdiff_t kClosingEpisodes = 10;
 
-/// Thrown out of an evaluation that a signal cuts off.
-struct Interrupted {};
-
 /// Returns whether a multiple of `every` lies in (before, now]; never where it is 0.
 bool passed(std::int64_t before, std::int64_t now, std::int64_t every) {
     return every > 0 && before / every != now / every;
@@ -118,6 +115,7 @@ struct Recorder::Files {
                 .total_steps = total_steps,
                 .frame = state.frame,
                 .steps_per_second = speed.read(state.step, stopwatch.seconds()),
+                .learns = learns,
                 .episodes = state.episodes,
                 .mean_return = mean(state.recent_returns),
                 .values = shown};
@@ -126,6 +124,7 @@ struct Recorder::Files {
     Console console;
     Stopwatch stopwatch;
     Speedometer speed;
+    bool learns = false;  // whether there was an update
     EpisodeLog episodes;
     ProgressLog progress;
     CheckpointWriter checkpoints;
@@ -206,6 +205,12 @@ void Recorder::begin() {
         if (!state_.evaluation_due && evaluations_decide()) write_checkpoint();
     }
     stop_ = agreed_to_stop(/*together=*/true);
+}
+
+void Recorder::after_update() {
+    if (!files_ || files_->learns) return;
+    files_->learns = true;
+    files_->speed = {state_.step, files_->stopwatch.seconds()};  // steps without updates are much faster
 }
 
 void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
@@ -413,16 +418,15 @@ bool Recorder::run_evaluation() {
         if (films) fs::create_directories(video.parent_path());
         const auto agent_before = interruptible ? agent_.state() : TensorMap();
         const auto decide = [&](const torch::Tensor& observations, std::span<const std::int64_t>) {
-            if (interruptible && stop_requested()) throw Interrupted{};
             return Chosen{.actions = agent_.act(observations, ActMode::evaluate)};
         };
         const auto seed = static_cast<std::uint64_t>(settings_.train.seed);
         EvaluationPlan plan{
             .games = eval.episodes, .seed = derive_seed(seed, "evaluation at", state_.step), .video = video};
+        if (interruptible) plan.stop = stop_requested;
         const EvaluationProgress progress(files_->console, plan, "evaluation", /*lines=*/false);
-        try {
-            result = world_.evaluate(decide, plan);
-        } catch (const Interrupted&) {
+        result = world_.evaluate(decide, plan);
+        if (result.interrupted) {
             update_metrics();
             agent_.load_state(agent_before);
             return false;

@@ -29,6 +29,8 @@ class Recorder {
     /// Must be called before the first step: writes the first checkpoint and makes an evaluation that was
     /// interrupted.
     void begin();
+    /// Must be called after each update of the agent.
+    void after_update();
     /// Must be called after an agent step of all environments: `before` is the run's step before it, `ended`
     /// the episodes that ended in it.
     void after_step(std::int64_t before, std::vector<Episode>& ended);

@@ -67,6 +67,17 @@ std::string resume_options(const fs::path& run_dir) {
     return shell_text(std::vector<std::string>{"--resume", "--run-dir", run_dir.string()});
 }
 
+bool has_run_record(const fs::path& folder) {
+    return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
+}
+
+fs::path run_above(const fs::path& folder) {
+    const auto path = without_slash(fs::absolute(folder));
+    for (auto above = path.parent_path(); above != above.parent_path(); above = above.parent_path())
+        if (has_run_record(above)) return above;
+    return {};
+}
+
 std::optional<std::int64_t> newest_checkpoint(const fs::path& run) {
     return newest_step(run / "checkpoints");
 }

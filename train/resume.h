@@ -24,6 +24,12 @@ std::string lacks(const std::filesystem::path& file, const std::filesystem::path
 /// Returns "--resume --run-dir 'my runs/1'", as it can be typed.
 std::string resume_options(const std::filesystem::path& run_dir);
 
+/// Returns whether this is a run's folder: whether it has what a run writes first.
+bool has_run_record(const std::filesystem::path& folder);
+
+/// Returns the nearest folder above that is a run's; empty: none is.
+std::filesystem::path run_above(const std::filesystem::path& folder);
+
 /// Returns the step of a run's newest checkpoint; none if it has none.
 std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& run);
 

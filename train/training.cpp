@@ -15,12 +15,15 @@ namespace cale {
 namespace {
 
 /// Agent::update(). What it spends on its batches counts as the replay's time.
-void update(Agent& agent, const Collector& collector, TimeSplit& time) {
+void update(Agent& agent, const Collector& collector, Recorder& recorder) {
+    auto& time = recorder.time;
     const auto before = agent.memory_time();
+    bool updated = false;
     {
         const Timed timed(time.update);
-        agent.update(collector.observations());
+        updated = agent.update(collector.observations());
     }
+    if (updated) recorder.after_update();
     const auto after = agent.memory_time();
     for (const auto part : {&TimeSplit::replay, &TimeSplit::transfer}) {
         time.*part += after.*part - before.*part;
@@ -61,7 +64,7 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
     while (state.step < config.total_steps && !recorder.stop()) {
         const auto before = state.step;
         const bool late_update = (config.overlap || config.realtime) && !options.learns_beside;
-        if (!late_update) update(agent, collector, time);
+        if (!late_update) update(agent, collector, recorder);
         const auto actions = act(agent, collector, time);
         if (config.realtime) collector.announce(actions);
         // With overlap the environments step on another thread while the agent learns, unless it learns
@@ -70,7 +73,7 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
         // newer to see than one step later.
         auto step = std::async(late_update && !config.realtime ? std::launch::async : std::launch::deferred,
                                [&] { collector.step(actions); });
-        if (late_update) update(agent, collector, time);
+        if (late_update) update(agent, collector, recorder);
         {
             const Timed timed(time.environment);
             step.get();

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,12 +33,6 @@ struct TrainOptions {
     std::vector<std::pair<std::string, std::string>> hyperparameters;  // key and value, for TensorBoard
 };
 
-/// A logged value is no finite number: trained again from the newest checkpoint it would be the same on a
-/// CPU.
-struct Diverged : std::runtime_error {
-    using std::runtime_error::runtime_error;
-};
-
 /// paused: at TrainOptions::until.
 enum class Outcome { finished, paused, interrupted };
 
@@ -49,8 +42,9 @@ enum class Outcome { finished, paused, interrupted };
 ///
 /// Pauses at TrainOptions::until after a checkpoint, as if it had been interrupted there.
 /// SIGINT, SIGTERM and SIGHUP end it early, after a checkpoint (terminal/stop_signals.h). Throws
-/// std::runtime_error if the disk fails, Diverged if a logged value is not finite (earlier checkpoints are
-/// intact), std::invalid_argument for a reward that is not, ResumeError, and what the world throws.
+/// std::runtime_error if the disk fails, Diverged if a logged value or what an agent computes is not finite
+/// (earlier checkpoints are intact), std::invalid_argument for a reward that is not, ResumeError, and what
+/// the world throws.
 Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& settings,
               const TrainOptions& options);
 

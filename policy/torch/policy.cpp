@@ -38,6 +38,12 @@ torch::Tensor view_of(std::span<const std::uint8_t> observation, std::vector<std
     return torch::from_blob(const_cast<std::uint8_t*>(observation.data()), shape, torch::kUInt8);
 }
 
+/// As of policy_lite.
+void require_finite(const torch::Tensor& output) {
+    if (output.isfinite().all().item<bool>()) return;
+    throw std::runtime_error("the policy's network gives a number that is not finite for this observation");
+}
+
 }  // namespace
 
 struct Policy::Impl {
@@ -57,11 +63,13 @@ struct Policy::Impl {
     }
 
     torch::Tensor greedy(const torch::Tensor& output) const {
+        require_finite(output);
         if (!info.actions.empty()) return output.argmax(1).cpu();
         return mean_action(squashed_gaussian(output), box).cpu();
     }
 
     torch::Tensor sampled(const torch::Tensor& output, at::Generator& random) const {
+        require_finite(output);
         if (!info.actions.empty()) return output.exp().cpu().multinomial(1, true, random).squeeze(1);
         const auto noise = torch::randn({output.size(0), output.size(1) / 2}, random).to(device);
         return sample(squashed_gaussian(output), noise, box).action.cpu();

@@ -273,7 +273,8 @@ def test_bad_calls_get_a_sentence():
         envs.reset(options=mask)
     envs.reset(seed=1)
     for seed, sentence in [(-1, "greater or equal to zero"), ([-1, 0], "seed is -1: it must be 0 or more"), ([1], "seed has 1 entries"),
-                           (1.5, "seed is 1.5: give an integer")]:
+                           (1.5, "seed is 1.5: give an integer"), ("12", "seed is '12': give an integer"),
+                           ([1.5, 2.5], "cannot be interpreted as an integer")]:
         with pytest.raises(Exception, match=sentence):
             envs.reset(seed=seed)
     for options, sentence in [({"reset_masc": 1}, "no option 'reset_masc' of reset: they are reset_mask, new_game"),
@@ -295,6 +296,9 @@ def test_bad_calls_get_a_sentence():
         numbered.step([0.0, 1.0])
     with pytest.raises(TypeError, match="an Env is one environment: cale.make_vec makes several"):
         cale.Env("pong", num_envs=2)
+    for games in ["pong", "breakout"], "pong,breakout":
+        with pytest.raises(ValueError, match="an Env plays one game, not .*: cale.make_vec plays several"):
+            cale.Env(games)
     with pytest.raises(IndexError, match="there is no environment 2: they are 0 to 1"):
         envs.save(2)
     envs.close()

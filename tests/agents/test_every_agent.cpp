@@ -7,8 +7,8 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <tuple>
 #include <type_traits>
+#include <variant>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -44,10 +44,15 @@ struct Kind {
     std::int64_t num_actions;  // of its world; 0: the joystick
     std::vector<std::string> losses;
     std::function<std::unique_ptr<Agent>(const Settings&, const AgentSpec&)> make;
-    bool draws_on_the_device = false;  // in its updates
+    bool draws_on_the_device = false;                 // in its updates
+    std::optional<Joystick> joystick = std::nullopt;  // of its world, if not that of joystick_world()
 
     AgentSpec world(std::int64_t num_envs = 1, std::uint64_t seed = 1) const {
-        if (num_actions == 0) return joystick_world(num_envs, seed);
+        if (num_actions == 0) {
+            auto spec = joystick_world(num_envs, seed);
+            if (joystick) spec.action_space = joystick_space(*joystick);
+            return spec;
+        }
         auto spec = discrete_world(num_envs, seed);
         spec.action_space = Discrete{num_actions};
         return spec;
@@ -123,6 +128,16 @@ Kind sac_plus() {
             /*draws_on_the_device=*/true};
 }
 
+/// Two coordinates instead of three.
+Kind sac_direction() {
+    auto config = small_sac();
+    config.critic.atoms = 11;
+    config.exploration = Exploration::epsilon_greedy;
+    auto kind_of_sac = kind("SacDirection", 0, make_sac, config, kSacLosses);
+    kind_of_sac.joystick = Joystick::direction;
+    return kind_of_sac;
+}
+
 /// A critic with one head for each axis of the joystick and one for the button.
 Kind der_factored() {
     return {"DerFactored",
@@ -136,6 +151,7 @@ Kind der_factored() {
                 config.replay.random_shift = 2;
                 config.epsilon = settings.epsilon;
                 config.weight_decay = 0.1;
+                config.noisy_evaluation = config.random_warmup = true;
                 spec.action_space = joystick_space(Joystick::factored);
                 return make_der(config, spec);
             },
@@ -167,6 +183,7 @@ Kind ppo(const std::string& name, std::int64_t num_actions) {
 std::vector<Kind> every_agent() {
     return {sac(),
             sac_plus(),
+            sac_direction(),
             dqn(),
             der(),
             der_factored(),
@@ -193,9 +210,9 @@ TEST_P(EveryAgent, ActsWithinItsWorld) {
     const auto expect_inside = [&](std::int64_t count, ActMode mode) {
         const auto actions = agent->act(noise_frames(count, 5), mode);
         if (num_actions(spec.action_space) == 0) {
-            ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count, 3}));
+            ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count, box_size(spec.action_space)}));
             ASSERT_EQ(actions.scalar_type(), torch::kFloat32);
-            const auto box = joystick_box();
+            const auto box = action_box(spec.action_space);
             EXPECT_TRUE(((actions - box.centre).abs() <= box.half_width).all().item<bool>());
         } else {
             ASSERT_EQ(actions.sizes(), (std::vector<std::int64_t>{count}));
@@ -277,7 +294,7 @@ TEST_P(EveryActor, SaysThatItHasDiverged) {
     const auto agent = make(world());
     spoil(*agent);
     EXPECT_THAT([&] { agent->act(noise_frames(1, 1), ActMode::evaluate); },
-                ThrowsMessage<std::runtime_error>(HasSubstr("the actor's output is not finite")));
+                ThrowsMessage<Diverged>(HasSubstr("the actor's output is not finite")));
 }
 
 TEST(Priorities, SayThatAnAgentHasDiverged) {
@@ -286,7 +303,7 @@ TEST(Priorities, SayThatAnAgentHasDiverged) {
     drive(*agent, spec, 0, 25);
     spoil(*agent);
     EXPECT_THAT([&] { drive(*agent, spec, 25, 10); },
-                ThrowsMessage<std::runtime_error>(HasSubstr("a transition's priority is not finite")));
+                ThrowsMessage<Diverged>(HasSubstr("a transition's priority is not finite")));
 }
 
 TEST_P(EveryAgent, GoesOnAsTheOriginalOnceRestored) {
@@ -456,14 +473,16 @@ TEST_P(EveryAgent, LogsFiniteNumbersOfItsNewestUpdate) {
     for (const auto& loss : GetParam().losses) EXPECT_TRUE(metrics.contains("losses/" + loss)) << loss;
     for (const auto& [tag, value] : metrics) EXPECT_TRUE(std::isfinite(value)) << tag;
     EXPECT_GT(metrics.at("charts/learning_rate"), 0);
-    const bool joystick = GetParam().num_actions == 0;
-    for (const auto& [tag, low, high] : {std::tuple("charts/mean_radius", 0.0, 1.0),
-                                         {"charts/mean_theta", -3.15, 3.15},
-                                         {"charts/mean_fire", 0.0, 1.0}}) {
-        ASSERT_EQ(metrics.contains(tag), joystick) << tag;
-        if (!joystick) continue;
-        EXPECT_GT(metrics.at(tag), low) << tag;
-        EXPECT_LT(metrics.at(tag), high) << tag;
+    const auto* const box = std::get_if<Box>(&spec.action_space);
+    for (const auto& [tag, value] : metrics)
+        EXPECT_TRUE(box != nullptr || !tag.starts_with("charts/mean_")) << tag;
+    for (std::int64_t i = 0; i < box_size(spec.action_space); ++i) {
+        const auto tag = "charts/mean_" + box->names.at(static_cast<std::size_t>(i));
+        const auto limits = action_box(spec.action_space);
+        ASSERT_TRUE(metrics.contains(tag)) << tag;
+        EXPECT_LT(std::abs(metrics.at(tag) - limits.centre[i].item<double>()),
+                  limits.half_width[i].item<double>())
+            << tag;
     }
     drive(*agent, spec, 35, 8);
     const auto& loss = "losses/" + GetParam().losses.front();

@@ -102,6 +102,24 @@ TEST(MemoryBesideBatches, CountsFramesNumbersAndGradients) {
     EXPECT_EQ(beside(), 1'000 - 4 * 2 * 10);
 }
 
+TEST(AgentMemoryOnTheCpu, HoldsTheProjectionOfABatch) {
+    DerConfig der;
+    der.replay.replay_capacity = 1'000;
+    EXPECT_EQ(projection_bytes(der), 4 * 32 * 51 * 51);
+    der.num_atoms = 10'000;
+    EXPECT_THAT(refusal(der, 10 * kGigabyte),
+                StartsWith("C51's projection of a batch needs 12.8 GB of memory"));
+    EXPECT_EQ(refusal(der, 40 * kGigabyte), "no error");
+    der.distributional = false;
+    EXPECT_EQ(projection_bytes(der), 0);
+
+    SacConfig sac;
+    EXPECT_EQ(projection_bytes(sac), 0);
+    sac.critic.atoms = 51;
+    EXPECT_EQ(projection_bytes(sac), 4 * 32 * 51 * 51);
+    EXPECT_EQ(projection_bytes(DqnConfig()), 0);
+}
+
 TEST(AgentMemoryOnTheCpu, HoldsEveryFrameTwiceWhereTheReplayIsOnTheDevice) {
     DqnConfig config;
     EXPECT_EQ(refusal(config, 12 * kGigabyte), "no error");

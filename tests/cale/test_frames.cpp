@@ -113,6 +113,7 @@ TEST(Frames, WrongSizesAreRefused) {
     EXPECT_THAT(message_of<std::invalid_argument>([&] { frames.set_first(screen); }),
                 HasSubstr("33599 bytes"));
     EXPECT_THROW(FramePipeline(83, gray), std::invalid_argument);
+    EXPECT_THROW(FramePipeline(1025, gray), std::invalid_argument);
     gray[0] = 1;
     EXPECT_THROW(FramePipeline(210, gray), std::invalid_argument);
 }

@@ -1,9 +1,12 @@
 // The motion of a joystick, found again from logs of sticks whose motion is known.
 #include "play/stick_fit.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <random>
 #include <string>
+#include <vector>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -117,6 +120,28 @@ TEST_F(StickLogs, OfTimesInMillisecondsAreReadFrameByFrame) {
     ASSERT_EQ(log.commanded.size(), 60u);
     for (std::size_t frame = 0; frame < 60; ++frame)
         EXPECT_EQ(log.commanded[frame].x, frame % 7 < 3 ? 1 : -1) << frame;
+}
+
+TEST_F(StickLogs, OfCommandsBetweenFramesHaveTheSameLatency) {
+    // A stick that moves by 0.2 radii in a frame, two frames after its command; commands and rows come every
+    // ten milliseconds.
+    std::string text = "seconds,command_x,command_y,x,y\n";
+    constexpr double kStep = 0.2 * 60 / 1000;
+    std::vector<double> commanded;
+    double x = 0;
+    std::uint64_t number = 0, next = 500;
+    for (std::uint64_t ms = 0; ms < 20'000; ++ms) {
+        if (ms == next) next += 150 + 10 * (golden::bits(1, ++number) % 45);
+        commanded.push_back(number % 2 == 0 ? 0 : number % 4 == 1 ? 1 : -1);
+        if (ms % 10 == 0)
+            text += fmt::format("{:.3f},{},0,{:.4f},0\n", 1e-3 * static_cast<double>(ms), commanded[ms], x);
+        const double target = ms < 33 ? 0 : commanded[ms - 33];
+        x += std::clamp(target - x, -kStep, kStep);
+    }
+    const auto best = fit_stick(read_stick_log(folder_.write("log.csv", text))).best();
+    EXPECT_EQ(best.motion.action_latency.low, 2);
+    EXPECT_FALSE(best.motion.stick_damping);
+    EXPECT_NEAR(*best.motion.stick_speed / 0.2, 1, 0.03);
 }
 
 TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <stdexcept>
 #include <thread>
 
 #include <torch/cuda.h>
@@ -104,6 +106,25 @@ Policy policy_of(const Network& module) {
     }
     set_golden_pair(file);
     return Policy::parse(policy_file_contents(file));
+}
+
+TEST(PolicyOfTorch, NumbersThatAreNotFiniteDecideNothing) {
+    auto file = sample_policy(test::action_values(flat()));
+    for (auto& [name, weights] : file.weights)
+        std::ranges::fill(weights, name.ends_with(".weight") ? 3e38F : 0.0F);
+    std::ranges::fill(file.golden.observation, std::uint8_t{0});
+    std::ranges::fill(file.golden.output, 0.0F);
+    const auto policy = Policy::parse(policy_file_contents(file));
+    const auto frames = torch::full({1, 2, 21, 18}, 255, torch::kUInt8);
+    for (const auto choice : {Choice::greedy, Choice::sampled}) {
+        try {
+            policy.act(frames, choice, at::make_generator<at::CPUGeneratorImpl>(1));
+            ADD_FAILURE() << "it decided";
+        } catch (const std::runtime_error& error) {
+            EXPECT_STREQ(error.what(),
+                         "the policy's network gives a number that is not finite for this observation");
+        }
+    }
 }
 
 /// The encoders that agents choose from.

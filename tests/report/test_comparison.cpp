@@ -174,6 +174,13 @@ TEST_F(Comparing, TheBestMeanIsBoldUnlessAllShareIt) {
     EXPECT_EQ(bold(1), 0);
 }
 
+TEST_F(Comparing, BaselinesHaveOneColumnEach) {
+    const auto csv = folders_.write("table.csv", "game,mine,mine\nPong,1,2\n");
+    EXPECT_THAT([&] { read_baselines(read_csv_by_hand(csv), {"mine"}); },
+                testing::ThrowsMessage<std::runtime_error>(
+                    HasSubstr("table.csv: two columns are called 'mine'; rename one")));
+}
+
 TEST_F(Comparing, BaselinesNeedAllTheGames) {
     folders_.run("a", "sac", "Pong", 1, {-20});
     folders_.run("b", "sac", "Boxing", 1, {1});

@@ -216,6 +216,15 @@ TEST_F(Figures, GroupsWithoutEventsAreNotNamedBesideThem) {
     EXPECT_THAT(text, AllOf(HasSubstr("mean over 5 games"), HasSubstr("sac"), Not(HasSubstr("dqn"))));
 }
 
+TEST_F(Figures, RunsWithoutEventsAreNotCounted) {
+    folders_.run("1", "sac", "Pong", 1, {-20, -10});
+    folders_.run("2", "sac", "Pong", 2, {-20, -10});
+    folders_.write("1/joystick_events.csv", "event,count\nUP,3\n");
+    const auto comparison =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    EXPECT_THAT(text_of(event_figure(comparison)), HasSubstr("mean over the runs (1 run per game)"));
+}
+
 TEST_F(Figures, LinesToCompareWithHaveLabels) {
     for (const std::uint64_t seed : {1, 2})
         folders_.run(fmt::format("{}", seed), "sac", "Alien", seed, {200, 400},

@@ -193,6 +193,12 @@ TEST_F(Html, APageThatNoReportWroteAndWhatIsBesideItStay) {
     EXPECT_EQ(read(folder / "settings.svg"), "mine");
 }
 
+TEST_F(Html, AFileThatALaterReportWouldRemoveStays) {
+    const auto own = folders_.write("out/rewards.csv", "a user's");  // these runs have no rewards
+    EXPECT_THROW(write_report(comparison(), origin_, folders_.path() / "out"), std::runtime_error);
+    EXPECT_EQ(read(own), "a user's");
+}
+
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {
     const auto data = comparison();
     const auto folder = folders_.path() / "out";

@@ -250,6 +250,11 @@ TEST_F(CommandLineTest, PrintsTheResolvedConfiguration) {
     EXPECT_THAT(out_.str(), HasSubstr("\n  seed: 5\n"));
 }
 
+TEST_F(CommandLineTest, PrintsTheConfigurationOfARunWhereThereIsOne) {
+    EXPECT_EQ(error({"--resume", "--run-dir", "/nowhere", "--print-config"}),
+              "--resume --run-dir /nowhere: there is no run in there");
+}
+
 TEST_F(CommandLineTest, PrintsSeveralConfigurationsEachFromTheSameDefaults) {
     const auto printed = [&](const std::vector<std::string>& arguments) {
         table_.reset();
@@ -266,6 +271,9 @@ TEST_F(CommandLineTest, PrintsSeveralConfigurationsEachFromTheSameDefaults) {
     EXPECT_THAT(out_.str(), HasSubstr("threshold: 0.25")) << "so it is the second one that is wrong";
     EXPECT_EQ(error({"env.threshold=1", "--or", "env.threshold=0"}),
               "--or is for --print-config (see train_x --help)");
+    EXPECT_EQ(error({"--config", "/dev/null", "--print-config", "--or", "env.threshold=0"}),
+              "--or reads --config /dev/null again, which is no regular file; give it a file (see train_x "
+              "--help)");
 }
 
 TEST_F(CommandLineTest, SettingsThatDoNotFitTogetherAreRefused) {

@@ -230,6 +230,15 @@ TEST_F(SweepCommand, AFolderThatCannotHoldRunsIsRefusedBeforeAnythingStarts) {
                   options_.folder.string() + ": it is a file, not a folder; name another folder by --dir");
     }
     options_.task = SweepTask::train;
+    fake_.write("run/config.yaml", "");
+    fake_.write("run/metadata.json", "");
+    options_.folder = fake_.path() / "run";
+    EXPECT_EQ(test::error_of<ConfigError>([&] { answer(); }),
+              options_.folder.string() +
+                  ": it is the folder of one run, not of a sweep's; name another folder by --dir");
+    options_.folder = fake_.path() / "run/new";
+    EXPECT_THAT(test::error_of<ConfigError>([&] { answer(); }),
+                HasSubstr(": it is in the folder of a run, "));
     options_.folder = fake_.path() / "file/runs";
     EXPECT_EQ(test::error_of<ConfigError>([&] { answer(); }),
               options_.folder.string() +

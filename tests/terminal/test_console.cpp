@@ -55,6 +55,10 @@ TEST(ProgressBar, BeginsEmptyAndEndsFull) {
     Progress progress{.step = 0, .total_steps = 1'000'000};
     EXPECT_THAT(progress_bar(progress, 80), StartsWith("  0% [..."));
     EXPECT_THAT(progress_bar(progress, 80), HasSubstr("0/1M steps  0/s  ETA -  return -"));
+    progress.steps_per_second = 1'000;
+    EXPECT_THAT(progress_bar(progress, 80), HasSubstr("ETA 16:40"));
+    progress.learns = false;
+    EXPECT_THAT(progress_bar(progress, 80), HasSubstr("ETA -"));
     progress.step = 999'999;
     EXPECT_THAT(progress_bar(progress, 80), StartsWith(" 99%"));
     progress.step = 1'000'200;  // whole episodes may overshoot

@@ -632,6 +632,11 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     EXPECT_THAT(read_file(folder.path() / "metadata.json"),
                 testing::Not(testing::HasSubstr("accepted_changes")));
 
+    const auto other_seed = resume({"train.seed=9"});
+    EXPECT_EQ(other_seed.code, 3);
+    EXPECT_THAT(other_seed.stderr_text, testing::HasSubstr("continue from its checkpoint, whatever its seed: "
+                                                           "train.seed was"));
+
     const auto changed = resume({"agent.learning_rate=0.5"});
     EXPECT_EQ(changed.code, 0) << changed.stderr_text;
     EXPECT_THAT(changed.stderr_text, testing::HasSubstr("changed in mid-run: agent.learning_rate was"));
@@ -882,6 +887,9 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
             {"evaluate x --seed 1 --seed 2",
              "cale evaluate: --seed is given more than once (see cale evaluate --help)"},
             {"evaluate x --video=maybe", "cale evaluate: --video takes no value (see cale evaluate --help)"},
+            {"report --strict=yes x", "cale report: --strict takes no value (see cale report --help)"},
+            {"stick --set flavour=sweet",
+             "cale stick: --set flavour=sweet: unknown key 'flavour'; train_sac --help lists env.*"},
             {"evaluate x --greedy --sampled", "cale evaluate: --greedy excludes --sampled: give one of them"},
             {"evaluate x --protocol fixed_step",
              "cale evaluate: --protocol is 'fixed_step': give fixed_episodes or fixed_steps; did you mean "
@@ -1025,6 +1033,19 @@ TEST(CaleProgram, HelpAndVersion) {
                 testing::MatchesRegex("cale [0-9.]+ \\(LibTorch [0-9.]+.*, ALE [0-9.]+\\)\n"));
 }
 
+TEST(CaleProgram, APipedConfigurationExtendsAbsolutePaths) {
+    const auto said = [](const std::string& base) {
+        return shell_says(
+            fmt::format("echo 'extends: {}' | {}/train_sac --config /dev/stdin --print-config 2>&1", base,
+                        CALE_BINARY_DIR));
+    };
+    EXPECT_EQ(said(CALE_SOURCE_DIR "/configs/sac/atari100k.yaml").code, 0);
+    const auto refused = said("configs/sac/atari100k.yaml");
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_THAT(refused.text,
+                testing::HasSubstr("in what is no regular file 'extends' must be an absolute path"));
+}
+
 TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
     const TemporaryFolder folder;
     folder.write("text.txt", "A text, whose first letters would be a length of millions of gigabytes.");
@@ -1035,6 +1056,20 @@ TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
     // /dev/zero would be read for ever.
     EXPECT_EQ(cale_says("evaluate /dev/null").text,
               "cale evaluate: '/dev/null' is not a policy file: it is no regular file\n");
+}
+
+TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
+    const TemporaryFolder folder;
+    const std::string write =
+        "export " CALE_SOURCE_DIR "/policies/boxing_sac.safetensors -o mine.safetensors";
+    const auto mine = folder.write("mine.safetensors", "another program's tensors");
+    const auto refused = cale_says(write, folder.path());
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_THAT(refused.text, testing::EndsWith("mine.safetensors is there, and no cale export has written "
+                                                "it; give another\n"));
+    std::filesystem::remove(mine);
+    EXPECT_EQ(cale_says(write, folder.path()).code, 0);
+    EXPECT_EQ(cale_says(write, folder.path()).code, 0) << "again";
 }
 
 /// A run of SAC with one game behind it, of this return, as `cale report` reads it.

@@ -361,6 +361,33 @@ class Page(unittest.TestCase):
         self.drop("road_runner")
         self.assertIn("These settings cannot be played: threshold must be 0 to 1, not '7'", self.message())
 
+    def test_an_impossible_link_leaves_the_game_as_it_is(self):
+        self.open(hash="#threshold=0.7")
+        self.drop("road_runner")
+        self.plays_on()
+        self.browser.execute_script("location.hash = '#threshold=abc'")
+        self.until(lambda: "cannot be played" in self.message())
+        self.assertEqual(self.find("slider-threshold").get_attribute("value"), "0.7")
+        self.assertTrue(self.browser.current_url.endswith("#seed=1&threshold=0.7"), self.browser.current_url)
+        self.find("pause").click()
+        self.plays_on()
+
+    def test_a_slider_that_was_moved_by_the_mouse_leaves_the_arrows_to_the_stick(self):
+        self.open()
+        self.drop("road_runner")
+        self.plays_on()
+        self.find("slider-threshold").click()
+        self.until(lambda: "threshold=" in self.browser.current_url)
+        before = self.browser.current_url
+        self.browser.switch_to.active_element.send_keys(Keys.ARROW_LEFT)
+        self.until(lambda: self.find("player").text == "You play")
+        self.assertEqual(self.browser.current_url, before)
+
+    def test_the_dial_takes_over_only_where_there_is_a_game(self):
+        self.open()
+        self.find("dial").click()
+        self.assertEqual(self.find("player").text, "The policy plays")
+
     def test_a_link_sets_no_more_than_the_sliders(self):
         self.open()
         read = self.browser.execute_async_script("""

@@ -30,11 +30,11 @@ export async function openSession() {
     return new module.Session();
 }
 
-/** Returns a file of this folder. Throws an Error whose message is a sentence. */
+/** Returns a file of this folder. Throws an Error whose message is a sentence, without its full stop. */
 export async function fetchBytes(name) {
     const response = await fetch(name).catch((error) => {
-        throw new Error(`${name} could not be read: ${error.message}.`);
+        throw new Error(`${name} could not be read: ${error.message}`);
     });
-    if (!response.ok) throw new Error(`${name} could not be read: the server answers ${response.status}.`);
+    if (!response.ok) throw new Error(`${name} could not be read: the server answers ${response.status}`);
     return new Uint8Array(await response.arrayBuffer());
 }

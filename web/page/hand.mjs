@@ -8,7 +8,15 @@ const directions = {
 };
 const deadZone = 0.15;      // of an analog stick at rest
 const movedOnPurpose = 0.3; // of one that takes over
-const startButton = 9;
+const fireButtons = [0, 1, 2, 3], startButton = 9;
+
+const isPressed = (gamepad, button) => Boolean(gamepad?.buttons[button]?.pressed);
+const deflection = ({ axes: [x = 0, y = 0] }) => Math.hypot(x, y);
+
+/** Returns whether somebody moves this gamepad's stick or presses one of its buttons that do something. */
+export function isUsed(gamepad) {
+    return deflection(gamepad) > movedOnPurpose || [...fireButtons, startButton].some((button) => isPressed(gamepad, button));
+}
 
 export class Hand {
     taken = false;
@@ -74,12 +82,12 @@ export class Hand {
     /** Reads a gamepad, if there is one. */
     poll(gamepad) {
         const before = this.#pad;
-        const pressed = (button) => Boolean(gamepad?.buttons[button]?.pressed);
+        const pressed = (button) => isPressed(gamepad, button);
         const [x = 0, down = 0] = gamepad?.axes ?? [];
-        const far = Math.hypot(x, down);
+        const far = gamepad ? deflection(gamepad) : 0;
         const reach = far <= deadZone ? 0 : Math.min(1, (far - deadZone) / (1 - deadZone)) / far;
         this.#pad = {
-            x: reach * x, y: -reach * down, fire: [0, 1, 2, 3].some(pressed), start: pressed(startButton),
+            x: reach * x, y: -reach * down, fire: fireButtons.some(pressed), start: pressed(startButton),
             moved: far > movedOnPurpose,
         };
         const pushed = (this.#pad.moved && !before.moved) || (this.#pad.fire && !before.fire);

@@ -1,7 +1,7 @@
 // The page: loads the policy, takes the ROM, plays, and shows what is played.
 import { drawDial, stickAt } from './dial.mjs';
 import { fetchBytes, missingFeature, openSession } from './engine.mjs';
-import { Hand } from './hand.mjs';
+import { Hand, isUsed } from './hand.mjs';
 import { events, position } from './joystick.mjs';
 import { drawObservation, observationText } from './observation.mjs';
 import { changes, fromHash, sliders, toHash } from './options.mjs';
@@ -12,8 +12,10 @@ const element = (id) => document.getElementById(id);
 const policyFile = 'policy.safetensors';
 
 let session, player, info;
+let played;  // the options of the game under way
 let options = fromHash(location.hash);
 let lives = 0;
+let pointed = false;  // whether a pointer was used last, and not a key
 const shown = new Map();  // by setting, what its slider says: before the game has it, while it is being moved
 const hand = new Hand(showPlayer);
 const strip = new Strip();
@@ -42,6 +44,7 @@ function enableControls(enabled) {
 
 function begin() {
     player.start(changes(options.settings), options.seed);
+    played = { ...options, settings: new Map(options.settings) };
     strip.clear();
     lives = 0;
     element('last').textContent = '';
@@ -52,7 +55,7 @@ function begin() {
     showDecision();
 }
 
-/** Begins again where there is a game, and says why not where that fails. */
+/** Begins again where there is a game. Where that fails, says why, and what is shown is that of the game before. */
 function restart() {
     say('');
     history.replaceState(null, '', toHash(options));
@@ -62,13 +65,17 @@ function restart() {
     } catch (error) {
         pause(true);
         say(`These settings cannot be played: ${error.message}.`);
+        if (!session.hasGame) return;
+        options = { ...played, settings: new Map(played.settings) };
+        history.replaceState(null, '', toHash(options));
+        makeSliders();
     }
 }
 
 function pause(paused) {
     player.paused = paused;
     element('pause').textContent = paused ? 'Play' : 'Pause';
-    element('pause').setAttribute('aria-pressed', String(paused));
+    element('pause').classList.toggle('on', paused);
 }
 
 function stepped(moment) {
@@ -128,7 +135,7 @@ function showDecision() {
 function showPlayer() {
     element('player').textContent = hand.taken ? 'You play' : 'The policy plays';
     element('hand').textContent = hand.taken ? 'Give back' : 'Take over';
-    element('hand').setAttribute('aria-pressed', String(hand.taken));
+    element('hand').classList.toggle('on', hand.taken);
 }
 
 function showPolicy() {
@@ -172,20 +179,27 @@ function attempt(play) {
     }
 }
 
-/** Returns the first gamepad; null where there is none, or a page around this one does not allow it. */
-function firstGamepad() {
+/**
+ * Returns the gamepad that was used last, or else the first; null where there is none, or a page around this one does
+ * not allow it.
+ */
+function usedGamepad() {
+    let pads;
     try {
-        return (navigator.getGamepads?.() ?? []).find((pad) => pad) ?? null;
+        pads = [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad);
     } catch {
         return null;
     }
+    const used = pads.find(isUsed) ?? pads.find(({ index }) => index === gamepadUsed) ?? pads[0] ?? null;
+    gamepadUsed = used?.index;
+    return used;
 }
 
-let gamepadShown;
+let gamepadUsed, gamepadShown;
 function repaint(now) {
     requestAnimationFrame(repaint);
-    const gamepad = firstGamepad();
-    hand.poll(gamepad);
+    const gamepad = usedGamepad();
+    if (session.hasGame) hand.poll(gamepad);
     if (gamepad?.id !== gamepadShown) showGamepad(gamepad);
     gamepadShown = gamepad?.id;
     if (!session.hasGame) return;
@@ -283,15 +297,18 @@ function makeSliders() {
 }
 
 function connectButtons() {
-    // A button that was clicked must not be pressed again by the space bar that fires.
+    // What a pointer has used must not take the keys that play: a button the space bar, a slider the arrows.
     document.addEventListener('pointerup', () => {
-        if (document.activeElement?.tagName === 'BUTTON') document.activeElement.blur();
+        if (document.activeElement?.matches('button, input[type=range]')) document.activeElement.blur();
     });
+    document.addEventListener('pointerdown', () => (pointed = true));
+    document.addEventListener('keydown', () => (pointed = false), true);
     element('pause').addEventListener('click', () => pause(!player.paused));
     element('step').addEventListener('click', oneStep);
     element('restart').addEventListener('click', restart);
     element('hand').addEventListener('click', () => (hand.taken ? hand.giveBack() : hand.take()));
     element('speed').addEventListener('change', (event) => {
+        if (pointed) event.target.blur();
         options.speed = player.speed = Number(event.target.value);
         history.replaceState(null, '', toHash(options));
     });
@@ -352,13 +369,15 @@ function connectHand() {
     };
     dial.addEventListener('contextmenu', (event) => event.preventDefault());
     dial.addEventListener('pointerdown', (event) => {
+        if (!session.hasGame) return;
         dial.setPointerCapture(event.pointerId);
         if (event.button === 2) hand.pointerFires(true);
         else point(event);
     });
     dial.addEventListener('pointermove', (event) => {
+        if (!session.hasGame) return;
         if (event.buttons & 1) point(event);
-        if (event.pointerType !== 'mouse' || !event.buttons) return;
+        if (event.pointerType === 'touch' || !event.buttons) return;
         if (!(event.buttons & 1)) hand.point();
         hand.pointerFires(Boolean(event.buttons & 2));
     });
@@ -366,7 +385,7 @@ function connectHand() {
         dial.addEventListener(type, (event) => {
             hand.point();
             // Another finger may hold the button beside the dial.
-            if (event.pointerType === 'mouse') hand.pointerFires(false);
+            if (event.pointerType !== 'touch') hand.pointerFires(false);
         });
     }
     const press = (down) => {
@@ -374,6 +393,7 @@ function connectHand() {
         fire.toggleAttribute('data-down', down);
     };
     fire.addEventListener('pointerdown', (event) => {
+        if (!session.hasGame) return;
         fire.setPointerCapture(event.pointerId);
         press(true);
     });
@@ -423,8 +443,8 @@ async function main() {
         if (!info) usePolicy(policy, policyFile);  // unless one was dropped meanwhile
     } catch (error) {
         if (info) return;
-        say(error.message);
-        invite('There is no policy here', 'Drop a policy file, NAME.safetensors, or choose one.');
+        say(`${error.message}.`);
+        invite('No policy could be loaded', 'Drop a policy file, NAME.safetensors, or choose one.');
     }
 }
 

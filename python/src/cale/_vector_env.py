@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import weakref
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -101,9 +102,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             super().reset(seed=int(seed))
             seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
         else:
-            if seed is not None and not isinstance(seed, (Sequence, np.ndarray)):
+            if seed is not None and (isinstance(seed, (str, bytes)) or not isinstance(seed, (Sequence, np.ndarray))):
                 raise TypeError(f"seed is {seed!r}: give an integer, or a sequence of one for each environment")
-            seeds = [None] * self.num_envs if seed is None else [None if s is None else int(s) for s in seed]
+            seeds = [None] * self.num_envs if seed is None else [None if s is None else operator.index(s) for s in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: give one, or one for each of {self.num_envs} environments")
         if not self._started and None in seeds:
