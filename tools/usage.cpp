@@ -108,7 +108,7 @@ void refuse_forgotten_values(CLI::App& program) {
     const auto all = [](CLI::App*) { return true; };
     for (CLI::App* command : program.get_subcommands(all)) {
         for (CLI::Option* option : command->get_options()) {
-            if (option->get_type_size() == 0) {
+            if (option->get_items_expected_max() == 0) {
                 option->disable_flag_override();
                 continue;
             }
