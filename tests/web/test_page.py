@@ -376,7 +376,8 @@ class Page(unittest.TestCase):
         self.open()
         self.drop("road_runner")
         self.plays_on()
-        self.find("slider-threshold").click()
+        slider = self.find("slider-threshold")
+        ActionChains(self.browser).move_to_element_with_offset(slider, slider.size["width"] // 4, 0).click().perform()
         self.until(lambda: "threshold=" in self.browser.current_url)
         before = self.browser.current_url
         self.browser.switch_to.active_element.send_keys(Keys.ARROW_LEFT)
