@@ -107,6 +107,17 @@ struct Arguments {
     bool print_config = false;
 };
 
+/// Each of them reads the file of --config again.
+void check_alternatives(const Arguments& arguments) {
+    if (arguments.alternatives.empty()) return;
+    if (!arguments.print_config) throw ConfigError("--or is for --print-config");
+    const std::filesystem::path file = arguments.line.config_file;
+    std::error_code ignored;
+    if (std::filesystem::exists(file, ignored) && !std::filesystem::is_regular_file(file, ignored))
+        throw ConfigError(fmt::format(
+            "--or reads --config {} again, which is no regular file; give it a file", file.string()));
+}
+
 Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
     Arguments arguments;
     CommandLine& line = arguments.line;
@@ -176,14 +187,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
         auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
         overrides.push_back(argument);
     }
-    if (!arguments.alternatives.empty()) {
-        if (!arguments.print_config) throw ConfigError("--or is for --print-config");
-        std::error_code ignored;
-        if (std::filesystem::exists(line.config_file, ignored) &&
-            !std::filesystem::is_regular_file(line.config_file, ignored))
-            throw ConfigError(fmt::format(
-                "--or reads --config {} again, which is no regular file; give it a file", line.config_file));
-    }
+    check_alternatives(arguments);
     check_device(line.device);
     check_threads(line.threads);
     if (!until.empty()) line.until = agent_step(until);

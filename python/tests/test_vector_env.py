@@ -296,9 +296,6 @@ def test_bad_calls_get_a_sentence():
         numbered.step([0.0, 1.0])
     with pytest.raises(TypeError, match="an Env is one environment: cale.make_vec makes several"):
         cale.Env("pong", num_envs=2)
-    for games in ["pong", "breakout"], "pong,breakout":
-        with pytest.raises(ValueError, match="an Env plays one game, not .*: cale.make_vec plays several"):
-            cale.Env(games)
     with pytest.raises(IndexError, match="there is no environment 2: they are 0 to 1"):
         envs.save(2)
     envs.close()

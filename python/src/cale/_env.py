@@ -38,8 +38,6 @@ class Env(gymnasium.Env):
         """Makes the environment."""
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode must be None or 'rgb_array', not {render_mode!r}")
-        if not isinstance(game, str) or "," in game:
-            raise ValueError(f"an Env plays one game, not {game!r}: cale.make_vec plays several")
         if "num_envs" in settings:
             raise TypeError("an Env is one environment: cale.make_vec makes several")
         self.render_mode = render_mode
