@@ -35,9 +35,13 @@ void check_memory(const Config& config, const AgentSpec& spec, std::int64_t avai
                                     memory_beside(networks, spec, available), "agent.batch_size");
     if (spec.device.is_cpu()) {
         const auto projection = projection_bytes(config);
+        const bool critics = requires {
+            config.critic.atoms;
+        };
         if (projection > left)
             refuse_memory("C51's projection of a batch", projection, left,
-                          "lower agent.batch_size or the number of atoms");
+                          critics ? "lower agent.batch_size or agent.critic_atoms"
+                                  : "lower agent.batch_size or agent.num_atoms");
         left -= projection;
     }
     check_memory(replay_config(config.replay, spec, is_prioritised(config)), left,

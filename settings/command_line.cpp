@@ -240,7 +240,8 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
         if (std::filesystem::exists(saved))
             line.config_file = saved.string();
         else if (arguments.print_config)
-            throw ConfigError(fmt::format("--resume --run-dir {}: there is no run in there", line.run_dir));
+            throw ConfigError(
+                fmt::format("--resume --run-dir {}: there is no {}", line.run_dir, saved.string()));
     }
     if (!line.config_file.empty()) {
         try {
@@ -262,7 +263,8 @@ void apply(std::string_view program, Arguments& arguments, ConfigTable& table) {
     try {
         table.validate();
     } catch (const ConfigError& error) {
-        if (!of_the_run || line.config_file.empty()) throw;
+        const bool as_the_file_is = line.overrides.empty() && arguments.shortcuts.empty();
+        if (!of_the_run || line.config_file.empty() || !as_the_file_is) throw;
         throw ConfigError(fmt::format("{} (with {}, of which the run's checkpoints have copies)",
                                       error.what(), line.config_file));
     }

@@ -78,6 +78,14 @@ std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& en
 
 // ---- files --------------------------------------------------------------------------
 
+/// Not what is piped or redirected.
+bool lies_in_a_folder(const std::filesystem::path& file) {
+    std::error_code ignored;
+    const auto text = file.string();
+    return std::filesystem::is_regular_file(file, ignored) && !text.starts_with("/dev/") &&
+           !text.starts_with("/proc/");
+}
+
 class YamlReader {
   public:
     explicit YamlReader(const ConfigTable& table) : table_(table) {}
@@ -143,10 +151,8 @@ class YamlReader {
         constexpr auto kWanted = "'extends' must name another file, or a list of files";
         const auto read_one = [&](const YAML::Node& name) {
             if (!name.IsScalar()) fail(file, name.IsNull() ? key : name, kWanted);
-            std::error_code ignored;
-            if (std::filesystem::path(name.Scalar()).is_relative() &&
-                !std::filesystem::is_regular_file(file, ignored))
-                fail(file, name, "in what is no regular file 'extends' must be an absolute path");
+            if (std::filesystem::path(name.Scalar()).is_relative() && !lies_in_a_folder(file))
+                fail(file, name, "'extends' must be an absolute path here, as this is no file in a folder");
             read(file.parent_path() / name.Scalar(), place(file, name.Mark()) + ": ");
         };
         if (!base.IsSequence()) return read_one(base);

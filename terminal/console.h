@@ -19,7 +19,7 @@ struct Progress {
     std::int64_t total_steps = 0;
     std::int64_t frame = 0;  // emulated frames
     double steps_per_second = 0;
-    bool learns = true;  // false: there was no update yet, and how long the rest takes is not known
+    bool learns = true;  // false: its speed is that without updates, and how long the rest takes is unknown
     std::int64_t episodes = 0;
     std::optional<double> mean_return{};  // of the newest 100 episodes; none before the first ends
     std::vector<std::pair<std::string, double>>

@@ -2,6 +2,7 @@
 #include <fstream>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -31,11 +32,14 @@ std::string description(const PolicyInfo& info) {
                        origin("seed"));
 }
 
-/// Whether it begins as a policy file does, or an ONNX file of ours, both of which name cale.
+/// Whether it begins as a policy file does, or as an ONNX file with our name as its producer's.
 bool is_exported(const fs::path& file) {
     std::string head(65'536, '\0');
     std::ifstream(file, std::ios::binary).read(head.data(), std::ssize(head));
-    return head.find(file.extension() == ".onnx" ? "cale" : "\"cale_policy\"") != head.npos;
+    constexpr std::string_view kProducer(
+        "\x12\x04"
+        "cale");
+    return head.find("\"cale_policy\"") != head.npos || head.find(kProducer) != head.npos;
 }
 
 void export_file(const Options& options) {

@@ -106,6 +106,7 @@ CLI::Validator one_of(const std::vector<std::string>& words) {
 
 void refuse_forgotten_values(CLI::App& program) {
     const auto all = [](CLI::App*) { return true; };
+    for (CLI::Option* flag : program.get_options()) flag->disable_flag_override();
     for (CLI::App* command : program.get_subcommands(all)) {
         for (CLI::Option* option : command->get_options()) {
             if (option->get_items_expected_max() == 0) {

@@ -124,7 +124,8 @@ struct Recorder::Files {
     Console console;
     Stopwatch stopwatch;
     Speedometer speed;
-    bool learns = false;  // whether there was an update
+    bool updated = false;  // whether there was an update in this session
+    bool learns = false;   // whether there was one before the newest row: steps without are much faster
     EpisodeLog episodes;
     ProgressLog progress;
     CheckpointWriter checkpoints;
@@ -208,9 +209,7 @@ void Recorder::begin() {
 }
 
 void Recorder::after_update() {
-    if (!files_ || files_->learns) return;
-    files_->learns = true;
-    files_->speed = {state_.step, files_->stopwatch.seconds()};  // steps without updates are much faster
+    if (files_) files_->updated = true;
 }
 
 void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
@@ -338,6 +337,7 @@ void Recorder::write_row(bool to_tensorboard) {
     files_->reported = files_->progress_at(state_, settings_.train.total_steps);
     files_->console.report(files_->reported);
     files_->speed = {state_.step, seconds};
+    files_->learns = files_->updated;
 }
 
 /// Until a resumed agent has made an update, those of the checkpoint stay, and behind an evaluation that

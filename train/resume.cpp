@@ -68,7 +68,8 @@ std::string resume_options(const fs::path& run_dir) {
 }
 
 bool has_run_record(const fs::path& folder) {
-    return fs::exists(folder / "config.yaml") && fs::exists(folder / "metadata.json");
+    std::error_code unreadable;  // then it is not known to be one
+    return fs::exists(folder / "config.yaml", unreadable) && fs::exists(folder / "metadata.json", unreadable);
 }
 
 fs::path run_above(const fs::path& folder) {

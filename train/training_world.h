@@ -36,8 +36,8 @@ struct TrainingWorld {
 
     MakeWorld make;              // a world of so many environments as it is given seeds
     MakeWorld make_real_time{};  // the same in real time; null: it has none
-    /// Plays the plan's games with `decide`, one after the other, in this world, whatever `plan.env` is. A
-    /// world that cannot be filmed ignores `plan.video`.
+    /// Plays the plan's games with `decide`, one after the other, in this world, whatever `plan.env` is. Must
+    /// ask `plan.stop` before each step. A world that cannot be filmed ignores `plan.video`.
     std::function<Evaluation(const Decide& decide, EvaluationPlan plan)> evaluate;
     bool can_film = false;  // whether evaluate() writes `plan.video`
 

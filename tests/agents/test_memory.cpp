@@ -19,6 +19,7 @@
 namespace cale {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::StartsWith;
 
@@ -108,7 +109,8 @@ TEST(AgentMemoryOnTheCpu, HoldsTheProjectionOfABatch) {
     EXPECT_EQ(projection_bytes(der), 4 * 32 * 51 * 51);
     der.num_atoms = 10'000;
     EXPECT_THAT(refusal(der, 10 * kGigabyte),
-                StartsWith("C51's projection of a batch needs 12.8 GB of memory"));
+                AllOf(StartsWith("C51's projection of a batch needs 12.8 GB of memory"),
+                      HasSubstr("lower agent.batch_size or agent.num_atoms")));
     EXPECT_EQ(refusal(der, 40 * kGigabyte), "no error");
     der.distributional = false;
     EXPECT_EQ(projection_bytes(der), 0);

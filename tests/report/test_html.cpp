@@ -195,7 +195,9 @@ TEST_F(Html, APageThatNoReportWroteAndWhatIsBesideItStay) {
 
 TEST_F(Html, AFileThatALaterReportWouldRemoveStays) {
     const auto own = folders_.write("out/rewards.csv", "a user's");  // these runs have no rewards
-    EXPECT_THROW(write_report(comparison(), origin_, folders_.path() / "out"), std::runtime_error);
+    EXPECT_THAT([&] { write_report(comparison(), origin_, folders_.path() / "out"); },
+                testing::ThrowsMessage<std::runtime_error>(
+                    HasSubstr("rewards.csv is there and would be replaced, by this report or by another")));
     EXPECT_EQ(read(own), "a user's");
 }
 

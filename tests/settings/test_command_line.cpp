@@ -252,7 +252,7 @@ TEST_F(CommandLineTest, PrintsTheResolvedConfiguration) {
 
 TEST_F(CommandLineTest, PrintsTheConfigurationOfARunWhereThereIsOne) {
     EXPECT_EQ(error({"--resume", "--run-dir", "/nowhere", "--print-config"}),
-              "--resume --run-dir /nowhere: there is no run in there");
+              "--resume --run-dir /nowhere: there is no /nowhere/config.yaml");
 }
 
 TEST_F(CommandLineTest, PrintsSeveralConfigurationsEachFromTheSameDefaults) {

@@ -1042,8 +1042,7 @@ TEST(CaleProgram, APipedConfigurationExtendsAbsolutePaths) {
     EXPECT_EQ(said(CALE_SOURCE_DIR "/configs/sac/atari100k.yaml").code, 0);
     const auto refused = said("configs/sac/atari100k.yaml");
     EXPECT_EQ(refused.code, 2);
-    EXPECT_THAT(refused.text,
-                testing::HasSubstr("in what is no regular file 'extends' must be an absolute path"));
+    EXPECT_THAT(refused.text, testing::HasSubstr("'extends' must be an absolute path here"));
 }
 
 TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
@@ -1070,6 +1069,10 @@ TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     std::filesystem::remove(mine);
     EXPECT_EQ(cale_says(write, folder.path()).code, 0);
     EXPECT_EQ(cale_says(write, folder.path()).code, 0) << "again";
+    EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "in another format";
+    EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "again";
+    folder.write("other.onnx", "pytorch: layer_norm.scale");
+    EXPECT_EQ(cale_says("export mine.safetensors -o other.onnx", folder.path()).code, 2);
 }
 
 /// A run of SAC with one game behind it, of this return, as `cale report` reads it.

@@ -585,6 +585,20 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
                 testing::ElementsAre(25.5, 50.5, 100.5));
 }
 
+TEST(EvaluationInAWorld, EndsWhereItIsToldTo) {
+    EvaluationPlan plan{.games = 5};
+    int asked = 0;
+    plan.stop = [&] { return ++asked > 3; };
+    const auto decide = [](const torch::Tensor&, std::span<const std::int64_t>) {
+        return Chosen{.actions = torch::zeros({1, 3})};
+    };
+    const auto some = evaluate(
+        decide, [](auto) { return std::make_unique<NumberedEpisodes>(); }, plan);
+    EXPECT_TRUE(some.interrupted);
+    ASSERT_EQ(some.games.size(), 3U);
+    EXPECT_EQ(some.mean_return, 1);
+}
+
 /// Who says that a game is over, and not why.
 class UnexplainedEnds final : public BlankWorld {
   public:

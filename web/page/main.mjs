@@ -44,6 +44,7 @@ function enableControls(enabled) {
 
 function begin() {
     player.start(changes(options.settings), options.seed);
+    player.speed = options.speed;
     played = { ...options, settings: new Map(options.settings) };
     strip.clear();
     lives = 0;
@@ -66,7 +67,7 @@ function restart() {
         pause(true);
         say(`These settings cannot be played: ${error.message}.`);
         if (!session.hasGame) return;
-        options = { ...played, settings: new Map(played.settings) };
+        options = { ...played, settings: new Map(played.settings), speed: player.speed };
         history.replaceState(null, '', toHash(options));
         makeSliders();
     }
@@ -327,7 +328,6 @@ function connectButtons() {
     element('theme').addEventListener('click', switchTheme);
     window.addEventListener('hashchange', () => {
         options = fromHash(location.hash);
-        player.speed = options.speed;
         makeSliders();
         restart();
     });
