@@ -125,8 +125,7 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
     if (const auto other = other_file(folder, names, reported); !other.empty()) {
         throw std::runtime_error(
             fmt::format("{} is there and would be replaced, by this report or by another with more in it, "
-                        "and no report has "
-                        "written it; write to another folder",
+                        "and no report has written it; write to another folder",
                         other.string()));
     }
     std::vector<fs::path> files;

@@ -57,14 +57,11 @@ fs::path find_program(const std::string& agent, const fs::path& folder) {
     }
     const auto agents = agents_in(folder);
     const auto guess = nearest(agent, agents);
-    if (agents.empty())
-        throw ConfigError(
-            fmt::format("agent '{}': there is no program {} in {} or on the PATH, nor any other", agent, name,
-                        folder.string()));
+    auto others = fmt::format("there are {}", fmt::join(agents, ", "));
+    if (agents.empty()) others = "nor is there any other";
+    if (!guess.empty()) others = fmt::format("did you mean '{}'?", guess);
     throw ConfigError(fmt::format("agent '{}': there is no program {} in {} or on the PATH; {}", agent, name,
-                                  folder.string(),
-                                  guess.empty() ? fmt::format("there are {}", fmt::join(agents, ", "))
-                                                : fmt::format("did you mean '{}'?", guess)));
+                                  folder.string(), others));
 }
 
 /// Returns a program's objection to a run. For a setting of the sweep's file it names the place there instead

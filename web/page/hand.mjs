@@ -27,15 +27,17 @@ export class Hand {
     #source = 'keys';     // of the stick: 'keys' or 'pad'; a pointer goes before either
     #pad = { x: 0, y: 0, fire: false, start: false };
     #changed;
+    #mayTake;
 
-    /** `changed` is called when the hand takes over or gives back. */
-    constructor(changed) {
+    /** `changed` is called when the hand takes over or gives back; it takes over only while `mayTake()` says so. */
+    constructor(changed, mayTake) {
         this.#changed = changed;
+        this.#mayTake = mayTake;
     }
 
     take(source = this.#source) {
         this.#source = source;
-        if (this.taken) return;
+        if (this.taken || !this.#mayTake()) return;
         this.taken = true;
         this.#changed();
     }

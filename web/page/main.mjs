@@ -17,7 +17,7 @@ let options = fromHash(location.hash);
 let lives = 0;
 let pointed = false;  // whether a pointer was used last, and not a key
 const shown = new Map();  // by setting, what its slider says: before the game has it, while it is being moved
-const hand = new Hand(showPlayer);
+const hand = new Hand(showPlayer, () => session?.hasGame);
 const strip = new Strip();
 
 // Sentences ----------------------------------------------------------------------------
@@ -200,7 +200,7 @@ let gamepadUsed, gamepadShown;
 function repaint(now) {
     requestAnimationFrame(repaint);
     const gamepad = usedGamepad();
-    if (session.hasGame) hand.poll(gamepad);
+    hand.poll(gamepad);
     if (gamepad?.id !== gamepadShown) showGamepad(gamepad);
     gamepadShown = gamepad?.id;
     if (!session.hasGame) return;
@@ -369,13 +369,11 @@ function connectHand() {
     };
     dial.addEventListener('contextmenu', (event) => event.preventDefault());
     dial.addEventListener('pointerdown', (event) => {
-        if (!session.hasGame) return;
         dial.setPointerCapture(event.pointerId);
         if (event.button === 2) hand.pointerFires(true);
         else point(event);
     });
     dial.addEventListener('pointermove', (event) => {
-        if (!session.hasGame) return;
         if (event.buttons & 1) point(event);
         if (event.pointerType === 'touch' || !event.buttons) return;
         if (!(event.buttons & 1)) hand.point();
@@ -393,7 +391,6 @@ function connectHand() {
         fire.toggleAttribute('data-down', down);
     };
     fire.addEventListener('pointerdown', (event) => {
-        if (!session.hasGame) return;
         fire.setPointerCapture(event.pointerId);
         press(true);
     });
