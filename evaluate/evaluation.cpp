@@ -54,6 +54,8 @@ std::filesystem::path step_log_file(const EvaluationPlan& plan, std::int64_t num
 }
 
 void count_step(EvaluatedGame& game, const StepResult& step) {
+    if (!std::isfinite(step.reward))
+        throw std::invalid_argument(fmt::format("the reward of an evaluation's game is {}", step.reward));
     ++game.rewards[step.reward];
     game.episode_return += step.reward;
     game.length += 1;

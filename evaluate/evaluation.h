@@ -100,7 +100,7 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
 /// Plays the plan's games in sequence, each in a new world with a seed derived from the plan's and its
 /// number. Of the plan only games, seed, ended, stepped and stop apply: the rest is Atari's. Throws what
-/// `decide` and the world throw.
+/// `decide` and the world throw, and std::invalid_argument for a reward that is not finite.
 Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const EvaluationPlan& plan);
 
 /// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.

@@ -71,7 +71,7 @@ ReturnSummary summary_of(const EvaluationPlan& plan, const Evaluation& evaluatio
 }  // namespace
 
 std::string evaluation_text(const EvaluationReport& report) {
-    const auto& [source, protocol, sampled, device, policy, plan, evaluation] = report;
+    const auto& [source, protocol, sampled, policy_checksum, device, policy, plan, evaluation] = report;
     std::string text;
     const auto line = [&text](std::string_view name, const std::string& value) {
         text += fmt::format("{:<20}  {}\n", name, printable(value));
@@ -115,7 +115,7 @@ std::string evaluation_text(const EvaluationReport& report) {
 
 void write_evaluation_report(const std::filesystem::path& folder, const EvaluationReport& report,
                              const std::string& name) {
-    const auto& [source, protocol, sampled, device, policy, plan, evaluation] = report;
+    const auto& [source, protocol, sampled, policy_checksum, device, policy, plan, evaluation] = report;
     const ReturnSummary summary = summary_of(plan, evaluation);
     nlohmann::ordered_json env;
     EnvConfig config = plan.env;
@@ -127,6 +127,7 @@ void write_evaluation_report(const std::filesystem::path& folder, const Evaluati
                                    {"trained_on", policy.game},
                                    {"agent_steps", provenance(policy, "agent_steps")},
                                    {"training_seed", provenance(policy, "seed")},
+                                   {"policy_crc32c", policy_checksum},
                                    {"cale", cale_version()},
                                    {"protocol", protocol},
                                    {"seed", plan.seed},

@@ -14,7 +14,8 @@ struct EvaluationReport {
     std::string source{};    // the path that the user gave
     std::string protocol{};  // "fixed_episodes" or "fixed_steps"
     bool sampled = false;
-    std::string device = "cpu";  // on which the policy was computed, by LibTorch's threads
+    std::string policy_checksum{};  // checksum_text() of the policy file
+    std::string device = "cpu";     // on which the policy was computed, by LibTorch's threads
     const PolicyInfo& policy;
     const EvaluationPlan& plan;
     const Evaluation& evaluation;

@@ -113,7 +113,8 @@ std::vector<fs::path> run_folders(const fs::path& folder) {
 }
 
 fs::path evaluations_folder(const fs::path& run, const EvaluationProtocol& protocol) {
-    return run / "evaluations" / fmt::format("{}-{:08x}", protocol.name, crc32c(json_of(protocol)));
+    return run / "evaluations" /
+           fmt::format("{}-{}", protocol.name, checksum_text(crc32c(json_of(protocol))));
 }
 
 void make_evaluations_folder(const fs::path& folder, const EvaluationProtocol& protocol) {
@@ -130,10 +131,12 @@ void make_evaluations_folder(const fs::path& folder, const EvaluationProtocol& p
     }
 }
 
-std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::int64_t agent_steps) {
+std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::int64_t agent_steps,
+                                                  std::string_view policy) {
     const auto name = step_name(agent_steps);
     try {
         const auto json = nlohmann::json::parse(read_file(folder / (name + ".json")));
+        if (!policy.empty() && json.at("policy_crc32c") != policy) return std::nullopt;
         EvaluationResult result{.agent_steps = agent_steps,
                                 .games = json.at("games"),
                                 .mean = json.at("mean"),
@@ -143,8 +146,12 @@ std::optional<EvaluationResult> evaluation_result(const fs::path& folder, std::i
         const auto played = read_whole_csv(folder / (name + ".csv"));
         return std::ssize(played.rows) == result.games ? std::optional(result) : std::nullopt;
     } catch (const std::exception&) {
-        return std::nullopt;  // missing or damaged: it is played again
+        return std::nullopt;  // missing, damaged, or of a version without checksums: it is played again
     }
+}
+
+fs::path partial_evaluation(const fs::path& folder, std::int64_t agent_steps, std::string_view policy) {
+    return folder / fmt::format("{}-{}.partial", step_name(agent_steps), policy);
 }
 
 PlayedGames::PlayedGames(const fs::path& file)

@@ -4,7 +4,8 @@
 //     evaluations/fixed_episodes-1a2b3c4d/   named after the protocol and the checksum of protocol.json
 //         protocol.json                      how the games are played
 //         step_000100000.csv, _events.csv, _rewards.csv, .json   of the checkpoint of that agent step
-//         step_000100000.partial             the games that have ended, until all have
+//         step_000100000-5ef2a0c1.partial    the games that have ended, until all have; with the policy's
+//         checksum
 #pragma once
 
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "evaluate/evaluation.h"
@@ -59,9 +61,14 @@ struct EvaluationResult {
 };
 
 /// Returns the finished evaluation of the checkpoint of that agent step in evaluations_folder(); none if
-/// there is no readable one with a row for each of its games.
+/// there is no readable one with a row for each of its games. `policy`: none also if it is of a policy with
+/// another checksum_text(), as where a run was made again.
 std::optional<EvaluationResult> evaluation_result(const std::filesystem::path& folder,
-                                                  std::int64_t agent_steps);
+                                                  std::int64_t agent_steps, std::string_view policy = {});
+
+/// The file of the games that have ended of that checkpoint's evaluation.
+std::filesystem::path partial_evaluation(const std::filesystem::path& folder, std::int64_t agent_steps,
+                                         std::string_view policy);
 
 /// A file of the games that have ended. A killed process loses only the unfinished games.
 class PlayedGames {

@@ -3,6 +3,8 @@
 #include <array>
 #include <cstddef>
 
+#include <fmt/format.h>
+
 namespace cale {
 namespace {
 
@@ -40,6 +42,10 @@ std::uint32_t crc32c(std::string_view bytes) {
     }
     for (const char c : bytes) crc = kTables[0][(crc ^ static_cast<unsigned char>(c)) & 0xFF] ^ (crc >> 8);
     return ~crc;
+}
+
+std::string checksum_text(std::uint32_t checksum) {
+    return fmt::format("{:08x}", checksum);
 }
 
 }  // namespace cale

@@ -57,7 +57,7 @@ FileRecord record_of(const fs::path& file) {
 void write_manifest(const fs::path& folder, const Manifest& manifest) {
     nlohmann::json files = nlohmann::json::object();
     for (const auto& [name, record] : manifest)
-        files[name] = {{"bytes", record.bytes}, {"crc32c", fmt::format("{:08x}", record.crc32c)}};
+        files[name] = {{"bytes", record.bytes}, {"crc32c", checksum_text(record.crc32c)}};
     const nlohmann::json json{{"format_version", kFormatVersion}, {"files", files}};
     write_file_atomically(folder / kManifestFile, json.dump(2) + "\n");
 }

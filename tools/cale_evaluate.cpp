@@ -21,6 +21,8 @@
 #include "evaluate/run_evaluations.h"
 #include "settings/command_line.h"
 #include "settings/config.h"
+#include "storage/checksum.h"
+#include "storage/manifest.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
 #include "storage/step_name.h"
@@ -30,6 +32,7 @@
 #include "terminal/stop_signals.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
+#include "train/checkpoint.h"
 #include "train/export.h"
 #include "train/resume.h"
 
@@ -118,12 +121,16 @@ NewFolder make_folder(const Options& options, const PolicyInfo& policy, const En
 /// A policy, and what it is to play.
 struct Task {
     Policy policy;
+    std::string policy_checksum;
     EvaluationPlan plan;
     bool sampled = false;
 };
 
 Task task_of(const Options& options, const fs::path& path, torch::Device device) {
-    Task task{.policy = policy_of(path, device), .plan = {}};
+    const auto contents = policy_file_of(path);
+    Task task{.policy = Policy::parse(contents, path.string(), device),
+              .policy_checksum = checksum_text(crc32c(contents)),
+              .plan = {}};
     const PolicyInfo& info = task.policy.info();
     task.plan = plan_of(options, environment_of(options, info));
     require_playable(info, task.plan.env);
@@ -140,6 +147,7 @@ EvaluationReport report_of(const Options& options, const Task& task, const std::
     return {.source = source,
             .protocol = options.protocol,
             .sampled = task.sampled,
+            .policy_checksum = task.policy_checksum,
             .device = task.policy.device().str(),
             .policy = task.policy.info(),
             .plan = task.plan,
@@ -208,6 +216,19 @@ EvaluationProtocol protocol_of(const Options& options) {
     return protocol;
 }
 
+/// Of the run's newest checkpoint; none where its games have not all been played.
+std::optional<EvaluationResult> result_of_newest(const fs::path& run, const EvaluationProtocol& protocol) {
+    const auto steps = newest_checkpoint(run);
+    if (!steps) return std::nullopt;
+    try {
+        const auto manifest = read_manifest(run / "checkpoints" / step_name(*steps));
+        return evaluation_result(evaluations_folder(run, protocol), *steps,
+                                 checksum_text(manifest.at(kPolicyFile).crc32c));
+    } catch (const std::exception&) {
+        return std::nullopt;  // what is wrong with it is said where its policy is read
+    }
+}
+
 struct EvaluatedElsewhere : std::runtime_error {
     EvaluatedElsewhere() : std::runtime_error("another process is evaluating it") {}
 };
@@ -218,7 +239,6 @@ std::optional<EvaluationResult> evaluate_run(const Options& options, const Evalu
                                              const std::string& title) {
     const auto steps = number_in<std::int64_t>(task.policy.info().provenance.at("agent_steps")).value();
     const auto folder = evaluations_folder(run, protocol);
-    const auto name = step_name(steps);
     make_evaluations_folder(folder, protocol);
     std::optional<RunLock> lock;
     try {
@@ -226,8 +246,8 @@ std::optional<EvaluationResult> evaluate_run(const Options& options, const Evalu
     } catch (const FolderTaken&) {
         throw EvaluatedElsewhere();
     }
-    if (auto result = evaluation_result(folder, steps)) return result;
-    const auto partial = folder / (name + ".partial");
+    if (auto result = evaluation_result(folder, steps, task.policy_checksum)) return result;
+    const auto partial = partial_evaluation(folder, steps, task.policy_checksum);
     PlayedGames played(partial);
     task.plan.known = played.known();
     task.plan.ended = [&](std::int64_t number, const EvaluatedGame& game) { played.write(number, game); };
@@ -235,9 +255,9 @@ std::optional<EvaluationResult> evaluate_run(const Options& options, const Evalu
     EvaluationProgress progress(console, task.plan, title);
     const Evaluation evaluation = play(options, task);
     if (evaluation.interrupted) return std::nullopt;
-    write_evaluation_report(folder, report_of(options, task, run.string(), evaluation), name);
+    write_evaluation_report(folder, report_of(options, task, run.string(), evaluation), step_name(steps));
     fs::remove(partial);
-    return evaluation_result(folder, steps);
+    return evaluation_result(folder, steps, task.policy_checksum);
 }
 
 /// Returns the exit code.
@@ -255,9 +275,10 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
     std::vector<EvaluationRow> rows;
     std::size_t evaluated = 0;
     for (const auto& run : runs) {
-        auto& row = rows.emplace_back(EvaluationRow{.run = run.lexically_relative(options.policy).string()});
-        if (const auto steps = newest_checkpoint(run))
-            row.result = evaluation_result(evaluations_folder(run, protocol), *steps);
+        auto& row =
+            rows.emplace_back(EvaluationRow{.run = run.lexically_relative(options.policy).string(),
+                                            .failure = "not evaluated yet; the same command continues"});
+        row.result = result_of_newest(run, protocol);
         evaluated += row.result ? 1 : 0;
     }
     Console console(stderr);

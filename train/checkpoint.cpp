@@ -334,7 +334,7 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
             // Of these it is not, or may not be, the checkpoint's fault, and one that is passed over is
             // deleted.
             if (is_out_of_memory(error) || (system != nullptr && !is_missing(system->code())))
-                throw ResumeError(
+                throw UnreadableNow(
                     fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it "
                                 "away to resume from the one before",
                                 folder->string(), why));

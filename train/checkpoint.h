@@ -92,6 +92,10 @@ struct Checkpoint {
 struct ResumeError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
+/// For want of memory, or as the system says: the same command may succeed later.
+struct UnreadableNow : ResumeError {
+    using ResumeError::ResumeError;
+};
 
 /// The name of the policy file in the folder of a checkpoint.
 inline constexpr const char* kPolicyFile = "policy.safetensors";
@@ -121,9 +125,9 @@ std::vector<std::filesystem::path> require_checkpoints(const std::filesystem::pa
 bool has_begun(const std::filesystem::path& run_dir);
 
 /// Restores the agent, its replay (where the checkpoint holds it) and the games from the run's newest
-/// readable checkpoint. Every file is verified against the manifest before any is used. `restore_games`
-/// receives the result of Collector::state(), and throws if it cannot restore it. Throws ResumeError where no
-/// checkpoint can be read.
+/// checkpoint that is whole. Every file is verified against the manifest before any is used. `restore_games`
+/// receives the result of Collector::state(), and throws if it cannot restore it. Throws ResumeError where
+/// none is whole, and where the newest whole one does not fit or is of another format; UnreadableNow.
 Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent,
                                   const std::function<void(const TensorMap&)>& restore_games);
 

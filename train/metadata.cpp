@@ -136,6 +136,11 @@ std::optional<std::string> Metadata::device() const {
     return newest["device"].get<std::string>();
 }
 
+bool Metadata::finished() const {
+    const auto found = contents_->json.find("finished");
+    return found != contents_->json.end() && *found == true;
+}
+
 void Metadata::resume(const Session& session, double trained_seconds) {
     auto& json = contents_->json;
     if (!json.contains("wall_seconds")) seconds_before_ = trained_seconds;

@@ -53,6 +53,8 @@ class Metadata {
     std::optional<int> threads() const;
     /// Of the newest session; none if not recorded.
     std::optional<std::string> device() const;
+    /// Whether the newest session came to the run's end.
+    bool finished() const;
 
     /// Begins a session. `trained_seconds`: the run's earlier training time, used if the file does not record
     /// it.

@@ -179,12 +179,17 @@ void require_no_run(const fs::path& run_dir) {
     if (!metadata_text(run_dir, "program").empty() || has_run_record(run_dir)) return;
     for (const auto* name :
          {"config.yaml", "metadata.json", "episodes.csv", "progress.csv", "joystick_events.csv",
-          "learning_curve.svg", "learning_curve.png", "checkpoints"}) {
+          "learning_curve.svg", "learning_curve.png", "checkpoints", "eval", "evaluations", "videos"}) {
         if (!fs::exists(run_dir / name)) continue;
         throw ConfigError(
             fmt::format("--run-dir {}: its {} is no run's, and would be replaced; choose another folder",
                         run_dir.string(), name));
     }
+}
+
+ConfigError taken(const fs::path& run_dir) {
+    return ConfigError(fmt::format(
+        "--run-dir {}: another process is training in there; choose another folder", run_dir.string()));
 }
 
 /// Without --run-dir no other process gets the same.
@@ -198,15 +203,21 @@ NewFolder make_run_dir(const CommandLine& line, const fs::path& run_dir) {
                                 above.string()));
             return NewFolder::with_a_free_name(run_dir);
         }
-        if (RunLock::is_taken(run_dir))
-            throw ConfigError(
-                fmt::format("--run-dir {}: another process is training in there; choose another folder",
-                            run_dir.string()));
+        if (RunLock::is_taken(run_dir)) throw taken(run_dir);
         require_no_run(run_dir);
         return NewFolder(run_dir);
     } catch (const fs::filesystem_error& error) {
         throw ConfigError(fmt::format("--run-dir {}: the folder cannot be made ({}); choose another one",
                                       run_dir.string(), error.code().message()));
+    }
+}
+
+/// Another process may have taken the folder while networks and environments were made.
+void lock_new_run(const fs::path& run_dir, std::optional<RunLock>& lock) {
+    try {
+        lock.emplace(run_dir);
+    } catch (const FolderTaken&) {
+        throw taken(run_dir);
     }
 }
 
@@ -332,6 +343,8 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
     try {
         const Outcome outcome = train_on_record(agent, world, settings, options, metadata);
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
+    } catch (const UnreadableNow&) {
+        throw;
     } catch (const ResumeError& error) {
         if (changes.empty()) throw;
         throw ResumeError(fmt::format(
@@ -478,7 +491,7 @@ void record_resumption(const TrainingProgram& program, const fs::path& run_dir, 
 
 /// Returns the options of train(), without its callbacks.
 TrainOptions train_options(const TrainingProgram& program, const CommandLine& line, const fs::path& run_dir,
-                           const ProcessGroup& processes, const std::string& changes) {
+                           const ProcessGroup& processes, const std::string& changes, bool finished) {
     TrainOptions options;
     options.run_dir = run_dir;
     options.processes = processes;
@@ -486,6 +499,7 @@ TrainOptions train_options(const TrainingProgram& program, const CommandLine& li
     options.resume = line.resume;
     options.until = line.until;
     options.changed = !changes.empty();
+    options.finished = finished;
     options.config = program.table.to_yaml();
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
@@ -520,6 +534,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
     if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
+    const bool finished = resumed && resumed->finished();
     const int threads = threads_of_all(
         choose_threads(line, program, world, resumed, run_dir, process ? process->local_size : 1), processes);
     at::set_num_threads(threads);
@@ -546,11 +561,11 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                           .processes = static_cast<int>(processes.size())};
     std::optional<Metadata> metadata;
     if (processes.first()) {
-        if (!lock) lock.emplace(run_dir);
+        if (!lock) lock_new_run(run_dir, lock);
         metadata.emplace(begin_record(program, world, run_dir, std::move(resumed), line.resume, session));
     }
 
-    TrainOptions options = train_options(program, line, run_dir, processes, changes);
+    TrainOptions options = train_options(program, line, run_dir, processes, changes, finished);
     options.checkpointed = [&] { metadata->write(); };
     options.resumed = [&](double trained_seconds) {
         record_resumption(program, run_dir, session, changes, trained_seconds, *metadata);
@@ -571,6 +586,8 @@ int run_program(const TrainingProgram& program, int argc, const char* const* arg
         return run(program, argc, argv);
     } catch (const ConfigError& error) {
         return fail(error, kUsage);
+    } catch (const UnreadableNow& error) {
+        return fail(error, kFailed);
     } catch (const ResumeError& error) {
         return fail(error, kCannotResume);
     } catch (const CutFile& error) {

@@ -68,6 +68,10 @@ std::optional<double> mean(const std::vector<double>& values) {
     return sum / static_cast<double>(values.size());
 }
 
+fs::path evaluation_file(const fs::path& run_dir, std::int64_t step) {
+    return run_dir / "eval" / (step_name(step) + ".csv");
+}
+
 void check_finite(const std::map<std::string, double>& metrics, const RunState& state,
                   const fs::path& run_dir) {
     for (const auto& [name, value] : metrics) {
@@ -235,10 +239,17 @@ bool Recorder::last_evaluation_due() const {
     return eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
 }
 
+/// Whether this run was resumed at its end, with nothing left to play.
+bool Recorder::has_its_last_evaluation() const {
+    return options_.finished && resumed_->state.step == state_.step &&
+           fs::exists(evaluation_file(options_.run_dir, state_.step));
+}
+
 Outcome Recorder::finish() {
     const bool complete = state_.step >= settings_.train.total_steps;
-    // A run that was killed behind the checkpoint of its last evaluation does not play that again.
-    const bool evaluated = state_.score && state_.score->evaluated;
+    // A run that was killed behind the checkpoint of its last evaluation does not play that again, nor does
+    // one that had ended.
+    const bool evaluated = (state_.score && state_.score->evaluated) || has_its_last_evaluation();
     if (written_step_ != state_.step) {
         if (complete) {
             write_scheduled_checkpoint();
@@ -434,7 +445,7 @@ bool Recorder::run_evaluation() {
     }
     if (eval.every > 0) state_.score = {.evaluated = true, .mean_return = result.mean_return};
     if (!files_) return true;
-    const fs::path csv = options_.run_dir / "eval" / (name + ".csv");
+    const fs::path csv = evaluation_file(options_.run_dir, state_.step);
     write_evaluation(csv, result);
     if (files_->events) files_->events->write(state_.step, {{"eval/episodic_return", result.mean_return}});
     files_->console.message(fmt::format(

@@ -57,6 +57,7 @@ class Recorder {
     void write_scheduled_checkpoint();
     bool run_evaluation();
     bool last_evaluation_due() const;
+    bool has_its_last_evaluation() const;
     bool run_last_evaluation();
     void update_metrics();
     std::string closing_line() const;

@@ -93,6 +93,12 @@ TEST(RunEvaluations, ThoseThatCannotBeReadAreNotThere) {
     folder.write("step_000000700.csv", "episode,return,length,frames\n0,2,7,28\n");
     const auto result = evaluation_result(folder.path(), 700);
     ASSERT_TRUE(result);
+    EXPECT_FALSE(evaluation_result(folder.path(), 700, "5ef2a0c1")) << "it does not say of which policy";
+    folder.write("step_000000700.json", R"({"games": 1, "mean": 2.5, "standard_deviation": 1, "median": 2,)"
+                                        R"( "human_normalised": null, "policy_crc32c": "5ef2a0c1"})");
+    EXPECT_TRUE(evaluation_result(folder.path(), 700, "5ef2a0c1"));
+    EXPECT_FALSE(evaluation_result(folder.path(), 700, "5ef2a0c2"));
+    EXPECT_EQ(partial_evaluation("runs", 700, "5ef2a0c1"), "runs/step_000000700-5ef2a0c1.partial");
     EXPECT_EQ(result->mean, 2.5);
     EXPECT_FALSE(result->human_normalised);
     EXPECT_EQ(evaluation_table(

@@ -185,7 +185,7 @@ TEST_F(Checkpoints, TheNewestIsNotPassedOverForLackOfMemory) {
     write_at(110);
     agent.memory_is_full = true;
     EXPECT_THAT([&] { load(); },
-                ThrowsMessage<ResumeError>(
+                ThrowsMessage<UnreadableNow>(
                     AllOf(HasSubstr("step_000000110 cannot be read now"), HasSubstr("not enough memory"))));
     agent.memory_is_full = false;
     EXPECT_EQ(load().state.step, 110);

@@ -782,6 +782,39 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     EXPECT_EQ(resume().code, 0) << "accepted once is enough";
 }
 
+TEST(ProgramEmulator, AFinishedRunIsNotEvaluatedAgain) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(),
+                              {"eval.episodes=1", "eval.video=false", "env.max_frames_per_episode=60"}))
+                  .code,
+              0);
+    const auto table = folder.path() / "eval/step_000000012.csv";
+    const auto played = read_file(table);
+    write_file_atomically(table, "kept");
+    const auto again = train_sac(resuming(folder.path(), 12, {}));
+    EXPECT_EQ(again.code, 0) << again.stderr_text;
+    EXPECT_EQ(read_file(table), "kept");
+    EXPECT_EQ(metadata_of(folder.path())["finished"], true);
+    std::filesystem::remove(table);
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {})).code, 0);
+    EXPECT_EQ(read_file(table), played) << "what is missing is played";
+}
+
+TEST(ProgramEmulator, ACheckpointThatCannotBeReadNowIsNoReasonToGiveTheRunUp) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto file = folder.path() / "checkpoints/step_000000012/policy.safetensors";
+    const auto whole = read_file(file);
+    std::filesystem::remove(file);
+    std::filesystem::create_symlink(file, file);  // its reading fails as the system says
+    const auto refused = train_sac(resuming(folder.path(), 20, {}));
+    EXPECT_EQ(refused.code, 1);
+    EXPECT_THAT(refused.stderr_text, testing::HasSubstr("step_000000012 cannot be read now: "));
+    std::filesystem::remove(file);
+    write_file_atomically(file, whole);
+    EXPECT_EQ(train_sac(resuming(folder.path(), 20, {})).code, 0);
+}
+
 TEST(ProgramEmulator, ARunCannotBecomeShorterThanItIs) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
@@ -1191,6 +1224,15 @@ TEST(CaleEmulator, EvaluatesEveryRunOfAFolderOnce) {
     EXPECT_THAT(cale_says(words + " --seed 2", folder.path()).text,
                 testing::HasSubstr("0 of them evaluated already"))
         << "another protocol";
+
+    const auto other = folder.path() / "other", replaced = folder.path() / "runs/Pong__sac__1";
+    ASSERT_EQ(train_sac(small(other, {"--seed", "3"})).code, 0);
+    std::filesystem::rename(replaced / "evaluations", other / "evaluations");
+    std::filesystem::remove_all(replaced);
+    std::filesystem::rename(other, replaced);
+    const auto afterwards = cale_says(words, folder.path()).text;
+    EXPECT_THAT(afterwards, testing::HasSubstr("3, 1 of them evaluated already")) << "another policy";
+    EXPECT_THAT(afterwards, testing::HasSubstr("\n[1/3] Pong__sac__1: mean return "));
 
     // The games are those that each run's own evaluation has.
     const auto alone = cale_says(

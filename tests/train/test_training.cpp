@@ -585,6 +585,17 @@ TEST_F(TrainingEmulator, TheMeanReturnIsThatOfTheNewestHundredEpisodes) {
                 testing::ElementsAre(25.5, 50.5, 100.5));
 }
 
+TEST(EvaluationInAWorld, RefusesARewardThatIsNoNumber) {
+    const auto decide = [](const torch::Tensor&, std::span<const std::int64_t>) {
+        return Chosen{.actions = torch::zeros({1, 3})};
+    };
+    const auto make = [](auto) {
+        return std::make_unique<NumberedEpisodes>(std::numeric_limits<float>::quiet_NaN());
+    };
+    EXPECT_THAT([&] { evaluate(decide, make, {.games = 1}); },
+                testing::ThrowsMessage<std::invalid_argument>("the reward of an evaluation's game is nan"));
+}
+
 TEST(EvaluationInAWorld, EndsWhereItIsToldTo) {
     EvaluationPlan plan{.games = 5};
     int asked = 0;
@@ -728,7 +739,6 @@ TEST_F(TrainingEmulator, StopsAtAReturnThatNoReaderOfItsFilesWouldTake) {
     EXPECT_THAT(
         [&] { train_in<NumberedEpisodes>(4e11F); },
         testing::ThrowsMessage<std::runtime_error>(testing::StartsWith("a game ended with a return of ")));
-    options.resume = true;
     EXPECT_EQ(read_episodes(folder.path() / "episodes.csv").returns.size(), 2U) << "which can be read";
 }
 
