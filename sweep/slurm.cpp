@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <nlohmann/json.hpp>
 
 #include "cale/text.h"
@@ -36,7 +37,9 @@ runner=$!
 while kill -0 "$runner" 2>/dev/null; do wait "$runner"; done  # a signal interrupts wait
 wait "$runner"
 code=$?
-if [ "$code" = 130 ] && [ -n "$time_is_up" ]; then scontrol requeue "$SLURM_JOB_ID"; fi
+# One task's job is the array's, by whose number Slurm would put all of its tasks back, those that are done, too.
+task="${{SLURM_ARRAY_JOB_ID:+${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID}}"
+if [ "$code" = 130 ] && [ -n "$time_is_up" ]; then scontrol requeue "${{task:-$SLURM_JOB_ID}}"; fi
 exit "$code"
 )";
 
@@ -95,6 +98,34 @@ std::string in_quotes(const std::string& path) {
         if (c == '%') text += c;
     }
     return text;
+}
+
+/// Submits an array of these runs and records it. Returns the line that says so.
+std::string submit_array(const std::vector<std::string>& names, const fs::path& folder,
+                         const SlurmOptions& options, std::vector<JobArray>& index) {
+    fs::create_directories(folder / "slurm");
+    const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);
+    write_file_atomically(file, slurm_script(folder, names, options));
+    const std::vector<std::string> command = {"sbatch", "--parsable", file.string()};
+    const auto answer = answer_of(shell_text(command) + " 2>&1");
+    if (answer.status != 0)
+        throw std::runtime_error(
+            fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
+    const auto job = job_in(answer.text);
+    if (job.empty())
+        throw std::runtime_error(fmt::format(
+            "sbatch does not say which job {} became: look with squeue, and scancel it before the next "
+            "attempt; its answer was: {}",
+            file.string(), printable(without_line_end(answer.text))));
+    index.push_back({.job = job, .runs = names});
+    try {
+        write_file_atomically(index_file(folder), nlohmann::json(index).dump(1) + "\n");
+    } catch (const std::exception& error) {
+        throw std::runtime_error(fmt::format(
+            "{} became job {}, which could not be recorded: scancel {} before the next attempt ({})",
+            file.string(), job, job, error.what()));
+    }
+    return fmt::format("job array {}: {}, {}", job, counted(names.size(), "run"), file.string());
 }
 
 }  // namespace
@@ -166,32 +197,23 @@ void require_sbatch() {
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path& folder,
                                 const SlurmOptions& options) {
     require_sbatch();
+    fs::create_directories(folder);
+    const auto claim = RunClaim::take(folder);
+    if (!claim)
+        throw ConfigError(
+            fmt::format("--launcher slurm: another cale sweep is submitting the runs of {}; wait "
+                        "for its end",
+                        folder.string()));
     auto index = read_index(folder);
     std::vector<std::string> lines;
     for (const auto& part : job_arrays(runs, folder)) {
-        fs::create_directories(folder / "slurm");
-        const auto file = folder / "slurm" / fmt::format("array_{}.sh", index.size() + 1);
-        write_file_atomically(file, slurm_script(folder, part, options));
-        const std::vector<std::string> command = {"sbatch", "--parsable", file.string()};
-        const auto answer = answer_of(shell_text(command) + " 2>&1");
-        if (answer.status != 0)
-            throw std::runtime_error(
-                fmt::format("sbatch refuses {}: {}", file.string(), without_line_end(answer.text)));
-        const auto job = job_in(answer.text);
-        if (job.empty())
-            throw std::runtime_error(fmt::format(
-                "sbatch does not say which job {} became: look with squeue, and scancel it before the next "
-                "attempt; its answer was: {}",
-                file.string(), printable(without_line_end(answer.text))));
-        index.push_back({.job = job, .runs = part});
         try {
-            write_file_atomically(index_file(folder), nlohmann::json(index).dump(1) + "\n");
+            lines.push_back(submit_array(part, folder, options, index));
         } catch (const std::exception& error) {
-            throw std::runtime_error(fmt::format(
-                "{} became job {}, which could not be recorded: scancel {} before the next attempt ({})",
-                file.string(), job, job, error.what()));
+            if (lines.empty()) throw;
+            throw std::runtime_error(
+                fmt::format("{}; submitted before it: {}", error.what(), fmt::join(lines, "; ")));
         }
-        lines.push_back(fmt::format("job array {}: {}, {}", job, counted(part.size(), "run"), file.string()));
     }
     return lines;
 }

@@ -93,13 +93,21 @@ void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool
     if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
     if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
     const auto list = folder / kSweepList;
-    if (extends && fs::exists(list)) {
-        std::istringstream lines(read_file(list));
+    const auto before = fs::exists(list) ? read_file(list) : std::string();
+    if (extends) {
+        std::istringstream lines(before);
         for (std::string line; std::getline(lines, line);)
             if (!line.empty() && std::ranges::find(all_runs, line) == all_runs.end())
                 all_runs.push_back(line);
     }
-    write_file_atomically(list, fmt::format("{}\n", fmt::join(all_runs, "\n")));
+    // The tasks of a job array write at the same time: what has nothing new must not undo what has.
+    const auto names = [](std::string_view text) {
+        auto of = split(text, '\n');
+        std::ranges::sort(of);
+        return of;
+    };
+    const auto now = fmt::format("{}\n", fmt::join(all_runs, "\n"));
+    if (names(now) != names(before)) write_file_atomically(list, now);
 }
 
 // ---- tasks --------------------------------------------------------------------------

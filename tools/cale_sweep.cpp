@@ -48,7 +48,8 @@ void add_sharing(CLI::App& command, Arguments& arguments) {
     command
         .add_option(
             "--jobs", sharing.jobs,
-            "runs at once; 0: as many as cores, memory and GPUs allow, with Slurm as many as it gives")
+            "runs at once, with Slurm of each job array; 0: as many as cores, memory and GPUs allow, with "
+            "Slurm as many as it gives")
         ->transform(whole_numbers(0, 100'000))
         ->type_name("N");
     command.add_option("--threads", sharing.threads, "threads of a run")

@@ -37,7 +37,7 @@ TEST_F(RunFolder, SaysHowFarTheRunIs) {
     EXPECT_EQ(state(), RunPhase::waiting);
     folder_.write("run/config.yaml", "");
     EXPECT_EQ(state(), RunPhase::waiting) << "no checkpoint yet: it will start again";
-    fs::create_directories(folder_ / "run/checkpoints/partial-step_000000100");
+    fs::create_directories(folder_ / "run/checkpoints/step_000000100.partial");
     EXPECT_EQ(state(), RunPhase::waiting) << "a checkpoint under way is none";
     checkpoint("000000050");
     EXPECT_EQ(state(), RunPhase::interrupted);

@@ -99,7 +99,8 @@ class SlurmScript : public Slurm {
         const pid_t task = ::fork();
         if (task == 0) {
             ::setenv("SLURM_ARRAY_TASK_ID", "1", 1);
-            ::setenv("SLURM_JOB_ID", "23", 1);
+            ::setenv("SLURM_JOB_ID", "17", 1);  // one task has the array's own number
+            ::setenv("SLURM_ARRAY_JOB_ID", "17", 1);
             ::execlp("bash", "bash", script.c_str(), nullptr);
         }
         EXPECT_TRUE(test::wait_until([&] { return !read("called").empty(); }));
@@ -118,7 +119,7 @@ TEST_F(SlurmScript, IsPreemptedAtACheckpointAndLeavesTheRestToSlurm) {
 
 TEST_F(SlurmScript, GoesBackIntoTheQueueWhenItsTimeIsUp) {
     EXPECT_EQ(run_and_signal(SIGUSR1), 130);
-    EXPECT_EQ(read("scontrol.log"), "requeue 23\n");
+    EXPECT_EQ(read("scontrol.log"), "requeue 17_1\n") << "of the array this task alone";
 }
 
 TEST_F(Slurm, SubmitsWhatIsLeftInArraysOfTheClustersSize) {
@@ -148,6 +149,28 @@ TEST_F(Slurm, KnowsItsJobsAmongNotesOfTheCluster) {
     fake_.write("queue", "the cluster is down on Monday\n31 0 PENDING\n31 1 PENDING\n");
     EXPECT_THAT(queued_runs(fake_.sweep()),
                 UnorderedElementsAre(Pair("fast_0", "pending"), Pair("fast_1", "pending")));
+}
+
+TEST_F(Slurm, SaysWhatItHasSubmittedBeforeARefusal) {
+    const auto runs = fake_.runs({"fast", "fast", "fast"});
+    fake_.write_script("sbatch",
+                       "#!/bin/bash\n"
+                       "case $2 in *array_2.sh) echo 'the limit is one array'; exit 1 ;; esac\n"
+                       "echo 31\n");
+    EXPECT_THAT(
+        test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
+        testing::AllOf(HasSubstr("the limit is one array; submitted before it: job array 31: 2 runs")));
+}
+
+TEST_F(Slurm, TwoDoNotSubmitAtATime) {
+    const auto runs = fake_.runs({"fast"});
+    fs::create_directories(fake_.sweep());
+    {
+        const auto other = RunClaim::take(fake_.sweep());
+        EXPECT_THAT(test::error_of<ConfigError>([&] { submit(runs, fake_.sweep(), options()); }),
+                    HasSubstr("another cale sweep is submitting the runs of " + fake_.sweep().string()));
+    }
+    EXPECT_EQ(submit(runs, fake_.sweep(), options()).size(), 1u);
 }
 
 TEST_F(Slurm, NamesAJobThatItCannotRecord) {
