@@ -59,21 +59,17 @@ std::string longer_key(std::string_view key, const std::vector<std::string>& key
     return only ? *found : "";
 }
 
-std::string unknown_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
+/// The key that was meant; empty if none resembles it.
+std::string meant_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
     std::vector<std::string> keys(entries.size());
     std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
-    auto guess = longer_key(key, keys);
-    if (guess.empty()) guess = nearest(key, keys);
-    if (guess.empty()) {
-        // The right name in the wrong section, or without one.
-        std::vector<std::string> names(keys.size());
-        std::ranges::transform(keys, names.begin(), name_of);
-        const auto name = nearest(name_of(key), names);
-        const auto found = std::find(names.begin(), names.end(), name);
-        if (found != names.end()) guess = keys[static_cast<std::size_t>(found - names.begin())];
-    }
-    const auto hint = guess.empty() ? "; --help lists every key" : fmt::format("; did you mean '{}'?", guess);
-    return fmt::format("unknown key '{}'{}", key, hint);
+    if (auto longer = longer_key(key, keys); !longer.empty()) return longer;
+    if (auto near = nearest(key, keys); !near.empty()) return near;
+    // The right name in the wrong section, or without one.
+    std::vector<std::string> names(keys.size());
+    std::ranges::transform(keys, names.begin(), name_of);
+    const auto found = std::ranges::find(names, nearest(name_of(key), names));
+    return found == names.end() ? "" : keys[static_cast<std::size_t>(found - names.begin())];
 }
 
 // ---- files --------------------------------------------------------------------------
@@ -178,7 +174,7 @@ class YamlReader {
                      fmt::format("'{}' must be written as '{}' below '{}:'", name, name_of(name),
                                  section_of(name)));
             }
-            if (!settings.IsMap()) fail(file, section, unknown_key(name, table_.entries()));
+            if (!settings.IsMap()) fail(file, section, table_.unknown_key(name));
             const auto guess = did_you_mean(name, sections);
             const auto* const all = sections.size() == 1 ? "the only one here is" : "there are";
             const auto hint = guess.empty() ? fmt::format("; {} {}", all, fmt::join(sections, ", ")) : guess;
@@ -198,7 +194,7 @@ class YamlReader {
 
     void read_value(const std::filesystem::path& file, const std::string& key, const YAML::Node& key_node,
                     const YAML::Node& value) {
-        if (!table_.has(key)) fail(file, key_node, unknown_key(key, table_.entries()));
+        if (!table_.has(key)) fail(file, key_node, table_.unknown_key(key));
         const auto& entry = table_.at(key);
         if (entry.takes_list && value.IsSequence()) return read_list(file, entry, value);
         if (!value.IsScalar() && !value.IsNull()) {
@@ -363,7 +359,13 @@ const ConfigEntry* ConfigTable::find(std::string_view key) const {
 
 const ConfigEntry& ConfigTable::at(std::string_view key) const {
     if (const auto* entry = find(key)) return *entry;
-    throw ConfigError(unknown_key(key, entries_));
+    throw ConfigError(unknown_key(key));
+}
+
+std::string ConfigTable::unknown_key(std::string_view key) const {
+    const auto meant = meant_key(key, entries_);
+    return fmt::format("unknown key '{}'; {}", key,
+                       meant.empty() ? listed_by_ : fmt::format("did you mean '{}'?", meant));
 }
 
 void ConfigTable::load(const std::filesystem::path& file) {

@@ -64,6 +64,10 @@ struct ConfigDifference {
 /// must outlive it and stay where they are.
 class ConfigTable {
   public:
+    /// `listed_by` says where a reader finds all keys: it ends the sentence about a key that resembles none.
+    explicit ConfigTable(std::string listed_by = "--help lists every key")
+        : listed_by_(std::move(listed_by)) {}
+
     /// Adds the fields of `config` as `section.name`. Throws std::logic_error where a key exists already.
     template <class Config>
     void add(std::string_view section, Config& config) {
@@ -92,6 +96,8 @@ class ConfigTable {
     bool has(std::string_view key) const { return find(key) != nullptr; }
     /// Throws ConfigError with the nearest key where there is no such key.
     const ConfigEntry& at(std::string_view key) const;
+    /// The sentence about a key that the table does not have: it names the nearest one.
+    std::string unknown_key(std::string_view key) const;
 
     /// Reads a YAML file: sections that map keys to values, and perhaps `extends: other.yaml`
     /// (relative to this file), which is read first. Settings that it does not name keep
@@ -115,6 +121,7 @@ class ConfigTable {
     void add_entry(std::string_view section, SettingField field);
     const ConfigEntry* find(std::string_view key) const;
 
+    std::string listed_by_;
     std::vector<ConfigEntry> entries_;
     std::vector<std::function<void()>> rules_;
 };

@@ -66,6 +66,13 @@ std::string leftover(const CLI::App& command) {
                        setting && takes_settings ? "; settings are given as --set KEY=VALUE" : "");
 }
 
+/// Settings of an environment alone, which only the --help of a training program lists.
+ConfigTable environment_table(EnvConfig& env) {
+    ConfigTable table("train_sac --help lists env.*");
+    table.add("env", env);
+    return table;
+}
+
 }  // namespace
 
 CLI::Validator whole_numbers(std::int64_t least, std::int64_t most) {
@@ -184,30 +191,19 @@ std::string usage_sentence(const CLI::App& program, const CLI::ParseError& error
 }
 
 void set_environment(EnvConfig& env, const std::vector<std::string>& settings) {
-    ConfigTable table;
-    table.add("env", env);
+    auto table = environment_table(env);
     for (const auto& setting : settings) {
         const auto key = setting.substr(0, setting.find('='));
         if (key.find('.') != key.npos && !key.starts_with("env.")) {
             throw ConfigError(fmt::format(
                 "--set {}: nothing is trained here, so only settings env.* can be changed", setting));
         }
-        try {
-            table.set_override(setting);
-        } catch (const ConfigError& error) {
-            std::string what = error.what();
-            const std::string_view every = "--help lists every key";  // that of a training program does
-            if (const auto at = what.find(every); at != what.npos)
-                what.replace(at, every.size(), "train_sac --help lists env.*");
-            throw ConfigError(what);
-        }
+        table.set_override(setting);
     }
 }
 
 void load_environment(EnvConfig& env, const std::filesystem::path& file) {
-    ConfigTable table;
-    table.add("env", env);
-    table.load(file);
+    environment_table(env).load(file);
 }
 
 void check_roms(const EnvConfig& env) {
