@@ -40,6 +40,15 @@ def test_a_policy_acts_on_numpys_observations(repository):
         policy.values(observations)
 
 
+def test_the_joystick_is_that_which_act_writes(repository):
+    policy = cale.Policy(repository / "policies/road_runner_sac.safetensors")  # trained on cartesian coordinates
+    assert policy.settings["joystick"] == "polar"
+    assert policy.make_vec(joystick="polar").single_action_space.shape == (3,)
+    for make in (policy.make_vec, policy.make_env):
+        with pytest.raises(ValueError, match="joystick=cartesian: this policy's act.. writes polar coordinates"):
+            make(joystick="cartesian")
+
+
 def test_a_policy_draws_what_its_seed_says(repository):
     file = repository / "policies/road_runner_sac.safetensors"
     observations, _ = cale.Policy(file).make_vec(num_envs=2).reset(seed=1)

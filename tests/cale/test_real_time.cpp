@@ -53,6 +53,14 @@ class Clock {
         changed_.notify_all();
         changed_.wait(lock, [this] { return waiting_; });
     }
+    /// Does not wait for them.
+    void allow(int frames) {
+        set([=, this] { allowed_ = frames; });
+    }
+    bool is_asked() {
+        const std::lock_guard lock(mutex_);
+        return waiting_;
+    }
     void stop() {
         set([this] { answer_ = -1; });
     }
@@ -245,6 +253,20 @@ TEST(EmulatorRealTime, APauseLosesNoFrame) {
     const auto metrics = played.game.metrics();
     EXPECT_EQ(metrics.at("realtime/missed_frames"), 4);
     EXPECT_EQ(metrics.at("realtime/late_frames"), 7);
+}
+
+TEST(EmulatorRealTime, NoFrameIsPlayedInAPause) {
+    Played played(pacman());
+    played.announce(ContinuousAction{});
+    played.clock.play(3);
+    played.game.pause(true);
+    played.clock.allow(1);  // the frame that the console waited for before the pause
+    EXPECT_EQ(played.step(ContinuousAction{}).frames, 4);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    EXPECT_FALSE(played.clock.is_asked());
+    played.game.pause(false);
+    played.clock.play(4);
+    EXPECT_EQ(played.step(ContinuousAction{}).frames, 4);
 }
 
 TEST(EmulatorRealTime, TheConsolesClockCountsWhatWasLate) {

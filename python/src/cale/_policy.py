@@ -70,7 +70,8 @@ class Policy:
 
     @property
     def settings(self) -> dict[str, str]:
-        """Returns the settings of the environment that the policy was trained in: of `cale.make_vec` and `Env`."""
+        """Returns the settings of the environment that the policy was trained in, for `cale.make_vec` and `Env`, with the
+        `joystick` whose coordinates `act()` writes."""
         settings = settings_in(self.info["provenance"].get("config", ""))
         if not settings:
             raise ValueError(f"{self.file} does not say which settings it was trained with")
@@ -81,12 +82,20 @@ class Policy:
         return settings
 
     def make_vec(self, num_envs: int = 1, **changes: Any) -> VectorEnv:
-        """Returns N environments like the one that the policy was trained in, with `changes`."""
-        return VectorEnv(num_envs=num_envs, **{**self.settings, **changes})
+        """Returns N environments like the one that the policy was trained in, with `changes`. Throws ValueError for
+        another `joystick`, whose coordinates `act()` does not write."""
+        return VectorEnv(num_envs=num_envs, **self._changed(changes))
 
     def make_env(self, **changes: Any) -> Env:
         """Returns one of them."""
-        return Env(**{**self.settings, **changes})
+        return Env(**self._changed(changes))
+
+    def _changed(self, changes: dict[str, Any]) -> dict[str, Any]:
+        settings = self.settings
+        written = settings.get("joystick", "polar")
+        if (asked := text_of("joystick", changes.get("joystick", written))) != written:
+            raise ValueError(f"joystick={asked}: this policy's act() writes {written} coordinates")
+        return {**settings, **changes}
 
     def __repr__(self) -> str:
         return f"Policy({str(self.file)!r}): {self.info['agent']} on {self.info['game']}"
@@ -159,7 +168,7 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
     epsilon: probability of a uniformly random action instead of the policy's.
     noop_max: a game begins with 0 to this many no-op agent steps.
     sampled: whether actions are drawn from the policy; None: as its training's evaluations did.
-    threads: games under way at a time; None: as many as there are cores.
+    threads: games under way at a time; None: as many as there are cores for this process.
     """
     policy = policy if isinstance(policy, Policy) else Policy(policy)
     if games < 1:
@@ -179,7 +188,7 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
     try:
         _core.require_playable(policy._core, texts)
-        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
             results = list(pool.map(
                 lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
     except RuntimeError as error:
