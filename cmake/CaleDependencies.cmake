@@ -1,8 +1,8 @@
 # Finds what scripts/setup installed, and before that whatever the user points at
 # with CMAKE_PREFIX_PATH, ale_DIR or Torch_DIR.
-if(DEFINED ENV{CALE_DEPS_DIR})
+if(NOT "$ENV{CALE_DEPS_DIR}" STREQUAL "")
     set(default_deps $ENV{CALE_DEPS_DIR})
-elseif(DEFINED ENV{XDG_CACHE_HOME})
+elseif(NOT "$ENV{XDG_CACHE_HOME}" STREQUAL "")
     set(default_deps $ENV{XDG_CACHE_HOME}/cale)
 else()
     set(default_deps $ENV{HOME}/.cache/cale)

@@ -19,6 +19,12 @@ find_library(LibTorch_C10_LIBRARY c10 HINTS ${torch_hint} PATH_SUFFIXES lib)
 get_filename_component(torch_root ${LibTorch_INCLUDE_DIR}/.. REALPATH)
 find_library(LibTorch_CUDA_LIBRARY torch_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
 find_library(LibTorch_C10_CUDA_LIBRARY c10_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
+# Of a LibTorch that scripts/setup has replaced.
+foreach(folder LibTorch_CUDA_INCLUDE_DIR LibTorch_NCCL_INCLUDE_DIR)
+    if(${folder} AND NOT EXISTS ${${folder}})
+        unset(${folder} CACHE)
+    endif()
+endforeach()
 file(GLOB cuda_folders ${torch_root}/../nvidia/cu*)
 find_path(LibTorch_CUDA_INCLUDE_DIR cuda_runtime_api.h
     HINTS ${cuda_folders} PATHS /usr/local/cuda ENV CUDA_HOME PATH_SUFFIXES include)

@@ -16,7 +16,6 @@ function(train)
     if(NOT code EQUAL 0)
         message(FATAL_ERROR "${PROGRAM} ${ARGN} ended with ${code}: ${errors}")
     endif()
-    set(errors ${errors} PARENT_SCOPE)
 endfunction()
 
 train(--config ${config} --run-dir ${WORK_DIR}/whole ${short})

@@ -51,7 +51,7 @@ class Clock(Window):
         if speed := self.mark(step):
             replay = 1e3 * self.total["replay"] / self.updates
             report(peer="cleanrl", agent=agent, encoder="nature", batch=BATCH[agent],
-                   ms=1e3 * self.total["update"] / self.updates - replay, sample_ms=replay, steps_per_second=speed)
+                   ms=1e3 * self.total["update"] / self.updates - replay, steps_per_second=speed)
             sys.exit()
 
 

@@ -19,17 +19,17 @@ CORES = sorted(os.sched_getaffinity(0))
 GAME = "pong"
 
 # The peer, and the network it has: phi_* is the same as ours, "nature" its own, smaller one (unpadded convolutions).
-UPDATES = [  # agent, encoder, name in bench_update, batch, peers
-    ("sac", "phi_sac", "sac_phi_sac", 32, ["dopamine phi_sac"]),
-    ("sac", "phi_dqn", "sac_phi_dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature"]),
-    ("sacd", "phi_dqn", "sacd_phi_dqn", 64, ["cleanrl nature"]),
-    ("dqn", "phi_dqn", "dqn", 32, ["dopamine phi_dqn", "sb3 phi_dqn"]),
-    ("dqn", "nature", "dqn_nature", 32, ["sb3 nature", "cleanrl nature"]),
-    ("der", "phi_dqn", "der", 32, ["dopamine phi_dqn"]),
-    ("der", "nature", "der_nature", 32, ["cleanrl nature"]),
-    ("ppo", "phi_sac", "ppo_phi_sac_minibatch", 256, ["dopamine phi_sac"]),
-    ("ppo", "phi_dqn", "ppo_phi_dqn_minibatch", 256, ["dopamine phi_dqn", "sb3 phi_dqn"]),
-    ("ppo", "nature", "ppo_nature_minibatch", 256, ["sb3 nature", "cleanrl nature"]),
+UPDATES = [  # agent, encoder, name in bench_update, peers
+    ("sac", "phi_sac", "sac_phi_sac", ["dopamine phi_sac"]),
+    ("sac", "phi_dqn", "sac_phi_dqn", ["dopamine phi_dqn", "sb3 phi_dqn", "sb3 nature"]),
+    ("sacd", "phi_dqn", "sacd_phi_dqn", ["cleanrl nature"]),
+    ("dqn", "phi_dqn", "dqn", ["dopamine phi_dqn", "sb3 phi_dqn"]),
+    ("dqn", "nature", "dqn_nature", ["sb3 nature", "cleanrl nature"]),
+    ("der", "phi_dqn", "der", ["dopamine phi_dqn"]),
+    ("der", "nature", "der_nature", ["cleanrl nature"]),
+    ("ppo", "phi_sac", "ppo_phi_sac_minibatch", ["dopamine phi_sac"]),
+    ("ppo", "phi_dqn", "ppo_phi_dqn_minibatch", ["dopamine phi_dqn", "sb3 phi_dqn"]),
+    ("ppo", "nature", "ppo_nature_minibatch", ["sb3 nature", "cleanrl nature"]),
 ]
 ATARI100K = "env.sticky_probability=0 env.terminal_on_life_loss=true "
 RUNS = [  # agent, network, configuration, settings that make it what the peers run, peers
@@ -55,13 +55,16 @@ options.add_argument("repetitions", nargs="?", type=int, default=5)
 options.add_argument("--only", choices=["env", "update", "end-to-end", "ppo", "sweep", "decision"])
 options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates, runs and sweeps")
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates and PPO")
-options.add_argument("--seconds", type=float, default=5, help="of one timed update; an end-to-end window is 4 x as long")
+options.add_argument("--seconds", type=float, default=5, help="of one timed update; a peer's end-to-end window is 4 x as long, ours 360 agent steps (PPO: 2,048)")
 options.add_argument("--csv", default=f"{BUILD}/bench.csv")
 options.add_argument("--check", action="store_true", help="check these options and stop")
 options = options.parse_args()
 
 if os.path.exists(options.csv):
     sys.exit(f"bench/compare: {options.csv} is there already, perhaps of hours of work: remove it, or name another --csv")
+needed = 1 if options.only == "decision" else 2 if options.only in ("env", "end-to-end", "sweep", None) else max(options.threads)
+if len(CORES) < needed:
+    sys.exit(f"bench/compare: this needs {needed} cores, and has {len(CORES)}: what is measured on two threads would share one")
 if options.check:
     sys.exit()
 if "CALE_PEERS" not in os.environ:
@@ -179,7 +182,7 @@ def peer_update(name, agent, threads):
 
 def updates():
     heading("Update: milliseconds per gradient step", "agent", "network")
-    for agent, encoder, name, batch, peers in UPDATES:
+    for agent, encoder, name, peers in UPDATES:
         for threads in options.threads:
             if options.agent in (None, agent):
                 compare("update", agent, encoder, threads, "ms", lambda: our_update(name, threads),
