@@ -19,7 +19,7 @@ find_library(LibTorch_C10_LIBRARY c10 HINTS ${torch_hint} PATH_SUFFIXES lib)
 get_filename_component(torch_root ${LibTorch_INCLUDE_DIR}/.. REALPATH)
 find_library(LibTorch_CUDA_LIBRARY torch_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
 find_library(LibTorch_C10_CUDA_LIBRARY c10_cuda HINTS ${torch_hint} PATH_SUFFIXES lib)
-# Of a LibTorch that scripts/setup has replaced.
+# Forget header folders that have gone, as those of a LibTorch that scripts/setup has replaced.
 foreach(folder LibTorch_CUDA_INCLUDE_DIR LibTorch_NCCL_INCLUDE_DIR)
     if(${folder} AND NOT EXISTS ${${folder}})
         unset(${folder} CACHE)

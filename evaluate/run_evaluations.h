@@ -4,8 +4,7 @@
 //     evaluations/fixed_episodes-1a2b3c4d/   named after the protocol and the checksum of protocol.json
 //         protocol.json                      how the games are played
 //         step_000100000.csv, _events.csv, _rewards.csv, .json   of the checkpoint of that agent step
-//         step_000100000-5ef2a0c1.partial    the games that have ended, until all have; with the policy's
-//         checksum
+//         step_000100000-5ef2a0c1.partial    the games that have ended so far, of that policy
 #pragma once
 
 #include <cstdint>
@@ -61,8 +60,8 @@ struct EvaluationResult {
 };
 
 /// Returns the finished evaluation of the checkpoint of that agent step in evaluations_folder(); none if
-/// there is no readable one with a row for each of its games. `policy`: none also if it is of a policy with
-/// another checksum_text(), as where a run was made again.
+/// there is no readable one with a row for each of its games. Returns none, too, where the evaluation is of
+/// another policy than `policy`, a checksum_text(): the run was made again.
 std::optional<EvaluationResult> evaluation_result(const std::filesystem::path& folder,
                                                   std::int64_t agent_steps, std::string_view policy = {});
 

@@ -21,7 +21,9 @@
 #include "cale/text.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
+#include "storage/checksum.h"
 #include "storage/files.h"
+#include "storage/manifest.h"
 #include "storage/step_name.h"
 
 namespace cale {
@@ -378,9 +380,25 @@ void read_training_run(Run& run, const EpisodeHistory& episodes, const Progress&
 }
 
 /// The same of its evaluations.
+/// Says in run.doubts where the newest evaluation, which `cale evaluate` made, is of another policy than the
+/// checkpoint of its step holds: the run was made again.
+void check_evaluated_policy(Run& run, const fs::path& folder) {
+    const auto report = named_by_step(folder, ".json");
+    if (report.empty()) return;
+    const auto checkpoint = run.folder / "checkpoints" / report.back().stem();
+    if (!fs::exists(checkpoint / "manifest.json")) return;
+    const auto played = read_object(report.back()).value("policy_crc32c", "");
+    const auto manifest = read_manifest(checkpoint);
+    const auto policy = manifest.find("policy.safetensors");
+    if (played.empty() || policy == manifest.end() || played == checksum_text(policy->second.crc32c)) return;
+    run.doubts.push_back(fmt::format("{} is of another policy than {}: cale evaluate plays it again",
+                                     report.back().string(), checkpoint.string()));
+}
+
 void read_evaluated_run(Run& run) {
     const auto evaluations = evaluations_of(run.folder);
     read_evaluations(run, evaluations);
+    read_besides(run, "policy's checksum", [&] { check_evaluated_policy(run, evaluations.folder); });
     if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");
     // The rules are those that were played by.
     auto settings = evaluations.protocol.settings;

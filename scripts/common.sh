@@ -1,6 +1,6 @@
 # Where this project keeps what it installs. Sourced by the other scripts.
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-deps=$(realpath -m "${CALE_DEPS_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/cale}")
+deps=$(realpath -ms "${CALE_DEPS_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/cale}")
 export CALE_DEPS_DIR=$deps
 export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=1
 
@@ -11,13 +11,11 @@ help_from_comment() {
         -h | --help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0"; exit ;;
     esac
 }
-# cmake ARGUMENTS, for the build folder BUILD: from the beginning where that was configured with other dependencies, whose
-# places CMake would keep.
-configure() {
-    local build=$1 known=
-    shift
-    if [ -f "$build/CMakeCache.txt" ]; then known=$(sed -n 's/^CALE_DEPS_DIR:[A-Z]*=//p' "$build/CMakeCache.txt"); fi
-    if [ -n "$known" ] && [ "$known" != "$deps" ]; then set -- --fresh "$@"; fi
-    cmake "$@"
+# forget_other_deps BUILD: where the folder BUILD was configured with another CALE_DEPS_DIR, has CMake begin anew, as it
+# keeps the paths that it found.
+forget_other_deps() {
+    local known=
+    if [ -f "$1/CMakeCache.txt" ]; then known=$(sed -n 's/^CALE_DEPS_DIR:[A-Z]*=//p' "$1/CMakeCache.txt"); fi
+    if [ -n "$known" ] && [ "$known" != "$deps" ]; then rm -rf "$1/CMakeCache.txt" "$1/CMakeFiles"; fi
 }
 fail() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }

@@ -14,8 +14,8 @@ namespace cale {
 AppendFile::AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep)
     : path_(std::move(path)) {
     const int mode = keep ? 0 : O_CREAT | O_TRUNC;
-    // Not to wait for the reader of a pipe, which without one could not be opened to write alone.
-    descriptor_ = ::open(path_.c_str(), O_RDWR | O_APPEND | O_CLOEXEC | O_NONBLOCK | mode, 0666);
+    // O_RDWR: a pipe without a reader cannot be opened for writing alone.
+    descriptor_ = ::open(path_.c_str(), O_RDWR | O_APPEND | O_CLOEXEC | mode, 0666);
     if (descriptor_ < 0 && keep && errno == ENOENT) {
         throw CutFile(
             fmt::format("{} is missing, which had {} bytes when the checkpoint was written: restore it, or "

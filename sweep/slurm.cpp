@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <exception>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 
@@ -14,6 +15,7 @@
 #include "settings/config.h"
 #include "settings/shell_text.h"
 #include "storage/files.h"
+#include "storage/run_lock.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
 #include "sweep/shell.h"
@@ -37,7 +39,8 @@ runner=$!
 while kill -0 "$runner" 2>/dev/null; do wait "$runner"; done  # a signal interrupts wait
 wait "$runner"
 code=$?
-# One task's job is the array's, by whose number Slurm would put all of its tasks back, those that are done, too.
+# One task has the array's own job number; requeueing by that number would put back every task, finished ones
+# included.
 task="${{SLURM_ARRAY_JOB_ID:+${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID}}"
 if [ "$code" = 130 ] && [ -n "$time_is_up" ]; then scontrol requeue "${{task:-$SLURM_JOB_ID}}"; fi
 exit "$code"
@@ -198,12 +201,14 @@ std::vector<std::string> submit(std::span<const PlannedRun> runs, const fs::path
                                 const SlurmOptions& options) {
     require_sbatch();
     fs::create_directories(folder);
-    const auto claim = RunClaim::take(folder);
-    if (!claim)
+    std::optional<RunLock> lock;
+    try {
+        lock.emplace(folder);
+    } catch (const FolderTaken&) {
         throw ConfigError(
-            fmt::format("--launcher slurm: another cale sweep is submitting the runs of {}; wait "
-                        "for its end",
+            fmt::format("--launcher slurm: another cale sweep is submitting the runs of {}; wait for its end",
                         folder.string()));
+    }
     auto index = read_index(folder);
     std::vector<std::string> lines;
     for (const auto& part : job_arrays(runs, folder)) {

@@ -41,9 +41,9 @@ std::vector<std::vector<std::string>> job_arrays(std::span<const PlannedRun> run
 void require_sbatch();
 
 /// Submits job_arrays() and returns a line for each array. Which task is which run stands in
-/// `folder`/slurm.json. Throws as require_sbatch() does, ConfigError where another
-/// process submits in this folder, std::runtime_error with sbatch's own sentence or the number of a job that
-/// could not be recorded, naming the arrays submitted before, and as queued_runs() does.
+/// `folder`/slurm.json. Throws as require_sbatch() and queued_runs() do, ConfigError where another process
+/// submits in this folder, std::runtime_error with sbatch's own sentence or the number of a job that could
+/// not be recorded, naming the arrays submitted before.
 std::vector<std::string> submit(std::span<const PlannedRun> runs, const std::filesystem::path& folder,
                                 const SlurmOptions& options);
 

@@ -100,7 +100,8 @@ void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool
             if (!line.empty() && std::ranges::find(all_runs, line) == all_runs.end())
                 all_runs.push_back(line);
     }
-    // The tasks of a job array write at the same time: what has nothing new must not undo what has.
+    // A task of a job array that adds nothing does not write, so that it cannot undo what another has just
+    // added.
     const auto names = [](std::string_view text) {
         auto of = split(text, '\n');
         std::ranges::sort(of);

@@ -216,7 +216,8 @@ EvaluationProtocol protocol_of(const Options& options) {
     return protocol;
 }
 
-/// Of the run's newest checkpoint; none where its games have not all been played.
+/// Returns the evaluation of the run's newest checkpoint; none unless all of its games were played by that
+/// checkpoint's policy.
 std::optional<EvaluationResult> result_of_newest(const fs::path& run, const EvaluationProtocol& protocol) {
     const auto steps = newest_checkpoint(run);
     if (!steps) return std::nullopt;

@@ -92,7 +92,8 @@ struct Checkpoint {
 struct ResumeError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
-/// For want of memory, or as the system says: the same command may succeed later.
+/// The checkpoint could not be read for lack of memory or because of a system error: the same command may
+/// succeed later.
 struct UnreadableNow : ResumeError {
     using ResumeError::ResumeError;
 };
@@ -127,7 +128,8 @@ bool has_begun(const std::filesystem::path& run_dir);
 /// Restores the agent, its replay (where the checkpoint holds it) and the games from the run's newest
 /// checkpoint that is whole. Every file is verified against the manifest before any is used. `restore_games`
 /// receives the result of Collector::state(), and throws if it cannot restore it. Throws ResumeError where
-/// none is whole, and where the newest whole one does not fit or is of another format; UnreadableNow.
+/// none is whole, and where the newest whole one does not fit or is of another format; UnreadableNow where it
+/// cannot be read now.
 Checkpoint load_newest_checkpoint(const std::filesystem::path& run_dir, Agent& agent,
                                   const std::function<void(const TensorMap&)>& restore_games);
 

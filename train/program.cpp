@@ -179,7 +179,7 @@ void require_no_run(const fs::path& run_dir) {
     if (!metadata_text(run_dir, "program").empty() || has_run_record(run_dir)) return;
     for (const auto* name :
          {"config.yaml", "metadata.json", "episodes.csv", "progress.csv", "joystick_events.csv",
-          "learning_curve.svg", "learning_curve.png", "checkpoints", "eval", "evaluations", "videos"}) {
+          "learning_curve.svg", "learning_curve.png", "checkpoints", "eval", "videos"}) {
         if (!fs::exists(run_dir / name)) continue;
         throw ConfigError(
             fmt::format("--run-dir {}: its {} is no run's, and would be replaced; choose another folder",
@@ -233,6 +233,12 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
         }
     }
     return program.table.differences(run_dir / "config.yaml");
+}
+
+/// Whether evaluations are to be played by other settings than the run's.
+bool evaluates_otherwise(const TrainingProgram& program, const fs::path& run_dir) {
+    return std::ranges::any_of(changes_since(program, run_dir),
+                               [](const auto& change) { return change.key.starts_with("eval."); });
 }
 
 /// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
@@ -299,6 +305,8 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
 std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     try {
         return Metadata::read(run_dir);
+    } catch (const std::system_error&) {
+        throw;  // it cannot be read now
     } catch (const std::exception& error) {
         throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
     }
@@ -534,7 +542,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
     if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
-    const bool finished = resumed && resumed->finished();
+    const bool finished = resumed && resumed->finished() && !evaluates_otherwise(program, run_dir);
     const int threads = threads_of_all(
         choose_threads(line, program, world, resumed, run_dir, process ? process->local_size : 1), processes);
     at::set_num_threads(threads);

@@ -1,6 +1,6 @@
 """CleanRL's own scripts, run as they are out of a checkout (CALE_CLEANRL), with a clock set between their statements.
      cleanrl_peer.py AGENT SECONDS THREADS [ENVIRONMENTS]     at the 100k protocol, real ALE
-   Prints ms per gradient step, ms of replay work per gradient step, and agent steps per second.
+   Prints ms per gradient step, without the replay's work, and agent steps per second.
    AGENT: dqn, der, ppo, ppo-envpool, sacd; PPO's have 8 ENVIRONMENTS by themselves and 1,024 steps in a rollout.
    CleanRL is not installed: its last release on PyPI is of 2021 and has no such scripts."""
 import ast
@@ -21,7 +21,6 @@ from measure import Window, report  # noqa: E402
 
 SCRIPT = {"dqn": "dqn_atari", "der": "rainbow_atari", "ppo": "ppo_atari", "ppo-envpool": "ppo_atari_envpool",
           "sacd": "sac_atari"}
-BATCH = {"dqn": 32, "der": 32, "ppo": 256, "ppo-envpool": 256, "sacd": 64}
 ROLLOUT = f"--update-epochs 3 --num-envs {environments} --num-steps {1024 // environments}"
 REPLAY = "--buffer-size 100000 --learning-starts 1600 "
 GAME = "Pong-v5" if agent == "ppo-envpool" else "PongNoFrameskip-v4"
@@ -50,7 +49,7 @@ class Clock(Window):
     def mark_step(self, step):
         if speed := self.mark(step):
             replay = 1e3 * self.total["replay"] / self.updates
-            report(peer="cleanrl", agent=agent, encoder="nature", batch=BATCH[agent],
+            report(peer="cleanrl", agent=agent, encoder="nature",
                    ms=1e3 * self.total["update"] / self.updates - replay, steps_per_second=speed)
             sys.exit()
 

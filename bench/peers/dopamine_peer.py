@@ -1,5 +1,5 @@
 """Dopamine's own JAX agents, from the dopamine-rl package.
-     dopamine_peer.py update AGENT ENCODER     ms per gradient step, ms per sampled batch
+     dopamine_peer.py update AGENT ENCODER     ms per gradient step
      dopamine_peer.py run AGENT SECONDS        agent steps per second at the 100k protocol, real ALE
    AGENT: sac, ppo (the CALE ones), dqn, der. Threads: those of the cores that the process may use."""
 import atexit
@@ -101,7 +101,7 @@ def update(name, encoder):
                 value.item()
             jax.block_until_ready(agent.network_params)
 
-        return {"batch": 256, "ms": milliseconds(step)}
+        return {"ms": milliseconds(step)}
 
     fill(agent, continuous=name == "sac")
     agent._sample_from_replay_buffer()
@@ -113,7 +113,7 @@ def update(name, encoder):
         agent._train_step()
         jax.block_until_ready(agent.network_params if name == "sac" else agent.online_params)
 
-    return {"batch": 32, "ms": milliseconds(step)}
+    return {"ms": milliseconds(step)}
 
 
 def run(name, seconds):

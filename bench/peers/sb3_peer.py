@@ -1,5 +1,5 @@
 """Stable-Baselines3's own models.
-     sb3_peer.py update AGENT ENCODER THREADS   ms per gradient step, ms per sampled batch
+     sb3_peer.py update AGENT ENCODER THREADS   ms per gradient step
      sb3_peer.py run AGENT SECONDS THREADS      agent steps per second at the 100k protocol, real ALE
    AGENT: sac, dqn, ppo. ENCODER: nature (their own, unpadded convolutions) or phi_dqn (padded as ours)."""
 import sys
@@ -58,7 +58,7 @@ def make_model(agent, env, policy, capacity=100_000):
         return SAC("CnnPolicy", env, tau=0.005, policy_kwargs=policy | {"net_arch": [512]}, **off_policy)
     if agent == "dqn":
         return DQN("CnnPolicy", env, target_update_interval=2000, policy_kwargs=policy, **off_policy)
-    layers = [64, 64] if policy else []  # as ours has them with phi_dqn, and without
+    layers = [64, 64] if policy else []  # as ours: two with phi_dqn, none with nature
     return PPO("CnnPolicy", env, n_steps=1024 // env.num_envs, batch_size=256, n_epochs=3, clip_range=0.1,
                ent_coef=0.01, learning_rate=2.5e-4,
                policy_kwargs=policy | {"net_arch": {"pi": layers, "vf": layers}})
@@ -73,11 +73,11 @@ def update(agent, encoder):
         _, callback = model._setup_learn(2048)
         callback.on_training_start({}, {})
         model.collect_rollouts(env, callback, model.rollout_buffer, model.n_steps)
-        return {"batch": 256, "ms": milliseconds(model.train) / 4}
+        return {"ms": milliseconds(model.train) / 4}
     model.learn(1600)
     batch = model.replay_buffer.sample(32)
     model.replay_buffer.sample = lambda *_, **__: batch
-    return {"batch": 32, "ms": milliseconds(lambda: model.train(gradient_steps=1, batch_size=32))}
+    return {"ms": milliseconds(lambda: model.train(gradient_steps=1, batch_size=32))}
 
 
 class Clock(BaseCallback):

@@ -228,6 +228,22 @@ TEST_F(Runs, ScoreOfAnEvaluationIsThatOfTheNewest) {
     EXPECT_DOUBLE_EQ(run.reward_quantiles[2].reward, 1);
 }
 
+TEST_F(Runs, AnEvaluationOfAnotherPolicyIsDoubtful) {
+    folders_.run("a", "sac", "Pong", 1, {-21, -20}, "train: {total_steps: 200}\n");
+    folders_.write(
+        "a/checkpoints/step_000000200/manifest.json",
+        R"({"format_version": 5, "files": {"policy.safetensors": {"bytes": 1, "crc32c": "5ef2a0c1"}}})");
+    folders_.write("a/evaluations/x/protocol.json", R"({"name": "x"})");
+    folders_.write("a/evaluations/x/step_000000200.csv", "episode,return,length,frames\n0,5,1,4\n");
+    for (const auto& [policy, doubts] : {std::pair("5ef2a0c1", 0U), {"5ef2a0c2", 1U}}) {
+        folders_.write("a/evaluations/x/step_000000200.json",
+                       fmt::format(R"({{"policy_crc32c": "{}"}})", policy));
+        EXPECT_THAT(found(ScoreKind::evaluation).runs.at(0).doubts, SizeIs(doubts)) << policy;
+    }
+    EXPECT_THAT(found(ScoreKind::evaluation).runs.at(0).doubts.at(0),
+                HasSubstr("is of another policy than "));
+}
+
 TEST_F(Runs, AnEvaluationOfAnEarlierStepIsNotThatOfTheEnd) {
     const std::string header = "episode,return,length,frames\n";
     folders_.run("a", "sac", "Pong", 1, {-21, -20}, "train: {total_steps: 200}\n");

@@ -18,8 +18,8 @@
 
 #include "fake_program.h"
 #include "settings/config.h"
+#include "storage/run_lock.h"
 #include "support/temporary_folder.h"
-#include "sweep/run_folder.h"
 
 namespace cale {
 namespace {
@@ -166,7 +166,7 @@ TEST_F(Slurm, TwoDoNotSubmitAtATime) {
     const auto runs = fake_.runs({"fast"});
     fs::create_directories(fake_.sweep());
     {
-        const auto other = RunClaim::take(fake_.sweep());
+        const RunLock other(fake_.sweep());
         EXPECT_THAT(test::error_of<ConfigError>([&] { submit(runs, fake_.sweep(), options()); }),
                     HasSubstr("another cale sweep is submitting the runs of " + fake_.sweep().string()));
     }

@@ -798,6 +798,8 @@ TEST(ProgramEmulator, AFinishedRunIsNotEvaluatedAgain) {
     std::filesystem::remove(table);
     EXPECT_EQ(train_sac(resuming(folder.path(), 12, {})).code, 0);
     EXPECT_EQ(read_file(table), played) << "what is missing is played";
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {"eval.episodes=2"})).code, 0);
+    EXPECT_NE(read_file(table), played) << "and what is asked for anew";
 }
 
 TEST(ProgramEmulator, ACheckpointThatCannotBeReadNowIsNoReasonToGiveTheRunUp) {
