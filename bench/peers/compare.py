@@ -55,14 +55,16 @@ options.add_argument("repetitions", nargs="?", type=int, default=5)
 options.add_argument("--only", choices=["env", "update", "end-to-end", "ppo", "sweep", "decision"])
 options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], help="of updates, runs and sweeps")
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates and PPO")
-options.add_argument("--seconds", type=float, default=5, help="of one timed update; a peer's end-to-end window is 4 x as long, ours 360 agent steps (PPO: 2,048)")
+options.add_argument("--seconds", type=float, default=5,
+                     help="of one timed update; a peer's end-to-end window is 4 x as long, ours 360 agent steps (PPO: 2,048)")
 options.add_argument("--csv", default=f"{BUILD}/bench.csv")
 options.add_argument("--check", action="store_true", help="check these options and stop")
 options = options.parse_args()
 
 if os.path.exists(options.csv):
     sys.exit(f"bench/compare: {options.csv} is there already, perhaps of hours of work: remove it, or name another --csv")
-needed = 1 if options.only == "decision" else 2 if options.only in ("env", "end-to-end", "sweep", None) else max(options.threads)
+# Decisions take one thread, updates and PPO those that are asked for, all else two.
+needed = {"decision": 1, "update": max(options.threads), "ppo": max(options.threads)}.get(options.only, 2)
 if len(CORES) < needed:
     sys.exit(f"bench/compare: this needs {needed} cores, and has {len(CORES)}: what is measured on two threads would share one")
 if options.check:

@@ -157,9 +157,8 @@ TEST_F(Slurm, SaysWhatItHasSubmittedBeforeARefusal) {
                        "#!/bin/bash\n"
                        "case $2 in *array_2.sh) echo 'the limit is one array'; exit 1 ;; esac\n"
                        "echo 31\n");
-    EXPECT_THAT(
-        test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
-        testing::AllOf(HasSubstr("the limit is one array; submitted before it: job array 31: 2 runs")));
+    EXPECT_THAT(test::error_of<std::runtime_error>([&] { submit(runs, fake_.sweep(), options()); }),
+                HasSubstr("the limit is one array; submitted before it: job array 31: 2 runs"));
 }
 
 TEST_F(Slurm, TwoDoNotSubmitAtATime) {
