@@ -53,9 +53,10 @@ template <class Visit>
 void fields(ActorCriticSettings& settings, Visit&& visit) {
     fields(settings.network, visit);
     fields(settings.replay, visit);
-    visit("exploration", settings.exploration,
-          "standard: actions are sampled from the policy, uniformly until the first update; epsilon_greedy: "
-          "uniform with probability epsilon");
+    visit(
+        "exploration", settings.exploration,
+        "standard: actions are sampled from the policy, uniformly until more than min_replay transitions are "
+        "stored; epsilon_greedy: uniform with probability epsilon");
     fields(settings.epsilon, visit);
     visit("learning_rate", settings.learning_rate, Range{0, 1},
           "Adam's learning rate, for the networks and, without alpha_learning_rate, for alpha");

@@ -106,8 +106,10 @@ struct Der : QState {
         // With one draw for all, the environments would explore alike.
         const auto noise = noisy ? draw(now.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, noisy ? &noise : nullptr);
-        const auto greedy = action_values(output, support_of(config, output.options())).argmax(1).cpu();
-        return epsilon_greedy(greedy, now.epsilon, network->acting.head.num_actions, now.random);
+        const auto values = action_values(output, support_of(config, output.options()));
+        require_finite(values, "an action's value");
+        return epsilon_greedy(values.argmax(1).cpu(), now.epsilon, network->acting.head.num_actions,
+                              now.random);
     }
 
     DerLosses learn(const Batch& batch, const at::Generator& random) {

@@ -52,9 +52,13 @@ struct Dqn : QState {
     Dqn(const DqnConfig& settings, const AgentSpec& spec) : QState(settings, spec), config(settings) {}
 
     torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const auto greedy = now.epsilon >= 1 ? torch::zeros({observations.size(0)}, torch::kInt64)
-                                             : network(observations).squeeze(2).argmax(1);
-        return epsilon_greedy(greedy.cpu(), now.epsilon, network->acting.head.num_actions, now.random);
+        auto greedy = torch::zeros({observations.size(0)}, torch::kInt64);
+        if (now.epsilon < 1) {
+            const auto values = network(observations).squeeze(2);
+            require_finite(values, "an action's value");
+            greedy = values.argmax(1).cpu();
+        }
+        return epsilon_greedy(greedy, now.epsilon, network->acting.head.num_actions, now.random);
     }
 
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }

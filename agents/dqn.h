@@ -1,4 +1,4 @@
-// Deep Q-networks on a game's own set of actions.
+// Deep Q-networks on a discrete set of actions: a game's own, or the joystick's factored ones.
 //   Mnih et al. 2015, "Human-level control through deep reinforcement learning" (DQN below)
 //   van Hasselt et al. 2016, "Deep Reinforcement Learning with Double Q-learning" (option double_dqn)
 //   Wang et al. 2016, "Dueling Network Architectures" (option dueling)

@@ -1,4 +1,4 @@
-// Proximal policy optimisation, on the continuous joystick or on a game's own set of actions.
+// Proximal policy optimisation, on the continuous joystick or on a discrete set of actions.
 //   Schulman et al. 2017, "Proximal Policy Optimization Algorithms" (PPO below)
 //   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment": its two-branch encoder
 #pragma once

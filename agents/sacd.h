@@ -1,4 +1,4 @@
-// Soft Actor-Critic on a game's own set of actions.
+// Soft Actor-Critic on a discrete set of actions: a game's own, or the joystick's factored ones.
 //   Christodoulou 2019, "Soft Actor-Critic for Discrete Action Settings" (SAC-D below)
 //   Farebrother & Castro 2024, "CALE: Continuous Arcade Learning Environment", its appendix
 // Expectations over the actions are taken exactly, as sums, where SAC samples. CALE's code for it was

@@ -135,7 +135,8 @@ void max_pool(const Step& step, const float* in, float* out) {
                 for (auto x = std::max<std::int64_t>(left, 0); x < std::min(left + step.kernel, columns);
                      ++x) {
                     const float* const from = in + size(y) * step.in.row + size(x * channels);
-                    for (std::int64_t c = 0; c < channels; ++c) to[c] = std::max(to[c], from[c]);
+                    for (std::int64_t c = 0; c < channels; ++c)
+                        if (from[c] > to[c] || std::isnan(from[c])) to[c] = from[c];
                 }
             }
         }
@@ -193,7 +194,7 @@ void InferencePlan::run_step(const Step& step, float* memory) const {
             each_number(step, in, out, [](float from, float& to) { to = from; });
             break;
         case Step::Kind::relu:
-            each_number(step, in, out, [](float from, float& to) { to = from > 0 ? from : 0; });
+            each_number(step, in, out, [](float from, float& to) { to = from < 0 ? 0 : from; });
             break;
         case Step::Kind::tanh:
             each_number(step, in, out, [](float from, float& to) { to = std::tanh(from); });

@@ -1,6 +1,7 @@
 #include "policy/stored_tensors.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cerrno>
 #include <cstring>
@@ -132,12 +133,16 @@ void check_layout(std::vector<Entry> entries, std::size_t data_size) {
 
 }  // namespace
 
+bool may_be_header(std::uint64_t length, std::uint64_t size) {
+    return size >= kLengthSize && length <= size - kLengthSize && length <= kMaxHeader;
+}
+
 StoredTensors stored_tensors(std::string_view file) {
     if (file.size() < kLengthSize)
         throw FileDamage({"it has ", number(file.size()), " bytes, too few for a header"});
     std::uint64_t length = 0;
     std::memcpy(&length, file.data(), kLengthSize);
-    if (length > file.size() - kLengthSize || length > kMaxHeader) {
+    if (!may_be_header(length, file.size())) {
         throw FileDamage({"its header of ", number(length),
                           " bytes does not fit; it is cut off or not a safetensors file"});
     }
@@ -216,10 +221,14 @@ std::string read_whole_file(const std::filesystem::path& path) {
     std::ifstream file(path, std::ios::binary);
     if (!file) fail(errno);
     // A pipe does not say how much is in it.
-    const auto expected = static_cast<std::size_t>(
-        std::filesystem::is_regular_file(path, ignored) ? file_size(path, ignored) : 0);
-    std::string bytes;
-    for (std::size_t size = 0; file; size = bytes.size()) {
+    const bool has_size = std::filesystem::is_regular_file(path, ignored);
+    const auto expected = static_cast<std::size_t>(has_size ? file_size(path, ignored) : 0);
+    std::array<char, kLengthSize> length{};
+    file.read(length.data(), kLengthSize);
+    std::string bytes(length.data(), static_cast<std::size_t>(file.gcount()));
+    if (file && !may_be_header(std::bit_cast<std::uint64_t>(length), has_size ? expected : kMaxHeader))
+        return bytes;
+    for (std::size_t size = bytes.size(); file; size = bytes.size()) {
         bytes.resize(std::max<std::size_t>({2 * size, expected + 1, 65'536}));
         file.read(bytes.data() + size, static_cast<std::streamsize>(bytes.size() - size));
         bytes.resize(size + static_cast<std::size_t>(file.gcount()));

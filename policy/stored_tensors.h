@@ -63,7 +63,11 @@ std::string safetensors_header(const std::vector<NamedShape>& tensors,
 /// "[32, 4, 8, 8]"
 std::string text_of_shape(const std::vector<std::int64_t>& shape);
 
-/// A whole file. Throws std::system_error that names it and the reason.
+/// Returns whether the header of a file of `size` bytes may have so many.
+bool may_be_header(std::uint64_t length, std::uint64_t size);
+
+/// Returns a whole file, which may be a pipe; its beginning where no header can follow, as of /dev/zero.
+/// Throws std::system_error that names it and the reason.
 std::string read_whole_file(const std::filesystem::path& path);
 
 }  // namespace cale

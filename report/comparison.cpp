@@ -226,12 +226,14 @@ void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
         for (std::size_t y = x + 1; y < comparison.results.size(); ++y) {
             if (any_own && is_recorded(comparison.groups[x]) && is_recorded(comparison.groups[y])) continue;
             const auto &first = comparison.results[x], &second = comparison.results[y];
+            const bool has_interval = first.has_interval() && second.has_interval();
+            auto bootstrap = comparison.config.bootstrap;
+            if (!has_interval) bootstrap.resamples = 1;  // nothing shows them
             comparison.improvements.push_back(
                 {.x = x,
                  .y = y,
-                 .probability =
-                     probability_of_improvement(first.scores, second.scores, comparison.config.bootstrap),
-                 .has_interval = first.has_interval() && second.has_interval()});
+                 .probability = probability_of_improvement(first.scores, second.scores, bootstrap),
+                 .has_interval = has_interval});
         }
     }
 }

@@ -119,14 +119,16 @@ bool is_near(const Interval& returns, double score) {
     return score > returns.high - 3 * span && score < returns.low + 3 * span;
 }
 
-/// The least and the greatest; one to either side where all are equal; 0 to 1 of none.
+/// The least and the greatest; one to either side where all are equal, but for their last digits; 0 to 1 of
+/// none.
 Interval range_of(const std::vector<double>& returns) {
     Interval range;
     if (!returns.empty()) {
         const auto [lowest, highest] = std::minmax_element(returns.begin(), returns.end());
         range = {*lowest, *highest};
     }
-    if (range.low == range.high) range = {range.low - 1, range.high + 1};
+    const double room = std::max(1.0, 1e-6 * std::max(std::abs(range.low), std::abs(range.high)));
+    if (range.high - range.low <= 1e-9 * room) range = {range.low - room, range.high + room};
     return range;
 }
 

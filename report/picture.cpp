@@ -137,17 +137,31 @@ void draw(cv::Mat& image, const Area& area) {
     cv::addWeighted(painted, area.opacity, below, 1 - area.opacity, 0, below);
 }
 
+/// Whether a byte of UTF-8 belongs to the character before it.
+bool continues(char byte) {
+    return (static_cast<unsigned char>(byte) & 0xc0) == 0x80;
+}
+
+/// Hershey's fonts have ASCII alone: each other character becomes a question mark.
+std::string in_ascii(std::string text) {
+    std::erase_if(text, continues);
+    std::ranges::replace_if(
+        text, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
+    return text;
+}
+
 void draw(cv::Mat& image, const Text& words) {
+    const auto text = in_ascii(words.text);
     // The height of a capital of Hershey's simplex is 21 of its units; that of a sans serif 0.72 em.
     const double scale = 0.66 * words.size * kScale / 21.0;
     const int thickness = static_cast<int>(std::lround((words.bold ? 1.8 : 1.1) * kScale * words.size / 13));
-    const int width = cv::getTextSize(words.text, cv::FONT_HERSHEY_SIMPLEX, scale, thickness, nullptr).width;
+    const int width = cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, scale, thickness, nullptr).width;
     const double shift = words.anchor == Anchor::start    ? 0
                          : words.anchor == Anchor::middle ? width / 2.0
                                                           : width;
     const cv::Point origin(static_cast<int>(words.position.x * kScale - shift),
                            static_cast<int>(words.position.y * kScale));
-    cv::putText(image, words.text, origin, cv::FONT_HERSHEY_SIMPLEX, scale, bgr(words.colour), thickness,
+    cv::putText(image, text, origin, cv::FONT_HERSHEY_SIMPLEX, scale, bgr(words.colour), thickness,
                 cv::LINE_AA);
 }
 
@@ -211,7 +225,8 @@ Area diamond(Point centre, double radius, Colour colour) {
 }
 
 double text_width(std::string_view text, double size, bool bold) {
-    return (bold ? 0.63 : 0.57) * size * static_cast<double>(text.size());
+    const auto characters = text.size() - static_cast<std::size_t>(std::ranges::count_if(text, continues));
+    return (bold ? 0.63 : 0.57) * size * static_cast<double>(characters);
 }
 
 std::string to_svg(const Picture& picture, bool with_data) {

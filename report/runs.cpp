@@ -21,7 +21,6 @@
 #include "cale/text.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
-#include "storage/checksum.h"
 #include "storage/files.h"
 #include "storage/manifest.h"
 #include "storage/step_name.h"
@@ -388,9 +387,8 @@ void check_evaluated_policy(Run& run, const fs::path& folder) {
     const auto checkpoint = run.folder / "checkpoints" / report.back().stem();
     if (!fs::exists(checkpoint / "manifest.json")) return;
     const auto played = read_object(report.back()).value("policy_crc32c", "");
-    const auto manifest = read_manifest(checkpoint);
-    const auto policy = manifest.find("policy.safetensors");
-    if (played.empty() || policy == manifest.end() || played == checksum_text(policy->second.crc32c)) return;
+    const auto policy = policy_checksum(checkpoint);
+    if (played.empty() || !policy || played == *policy) return;
     run.doubts.push_back(fmt::format("{} is of another policy than {}: cale evaluate plays it again",
                                      report.back().string(), checkpoint.string()));
 }

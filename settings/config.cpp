@@ -234,6 +234,8 @@ class YamlReader {
 
 /// Reads the text into the entry's member.
 void read_into(const ConfigEntry& entry, std::string_view text) {
+    if (text.find('\0') != text.npos)
+        throw ConfigError(fmt::format("{}: its text has a character 0", entry.key));
     if (entry.check) {
         try {
             entry.check(std::string(text));

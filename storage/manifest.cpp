@@ -74,6 +74,13 @@ Manifest read_manifest(const fs::path& folder) {
     return parse(read_file(folder / kManifestFile));
 }
 
+std::optional<std::string> policy_checksum(const fs::path& folder) {
+    const auto manifest = read_manifest(folder);
+    const auto policy = manifest.find(kPolicyFile);
+    if (policy == manifest.end()) return std::nullopt;
+    return checksum_text(policy->second.crc32c);
+}
+
 void verify(const fs::path& folder, const Manifest& manifest) {
     for (const auto& [name, expected] : manifest) {
         const auto file = folder / name;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -33,6 +34,13 @@ void write_manifest(const std::filesystem::path& folder, const Manifest& manifes
 /// Throws OtherFormat, naming both versions, and std::runtime_error, saying what is wrong, for a folder
 /// without one or with a damaged one.
 Manifest read_manifest(const std::filesystem::path& folder);
+
+/// The policy file (docs/policy_file.md), in checkpoints of agents and worlds that have one.
+inline constexpr const char* kPolicyFile = "policy.safetensors";
+
+/// Returns the checksum_text() of the policy of the checkpoint in `folder`, by its manifest; none where it
+/// holds no policy. Throws as read_manifest() does.
+std::optional<std::string> policy_checksum(const std::filesystem::path& folder);
 
 /// Reads every file. Throws std::runtime_error that names the first one that is missing or has changed.
 void verify(const std::filesystem::path& folder, const Manifest& manifest);

@@ -222,9 +222,8 @@ std::optional<EvaluationResult> result_of_newest(const fs::path& run, const Eval
     const auto steps = newest_checkpoint(run);
     if (!steps) return std::nullopt;
     try {
-        const auto manifest = read_manifest(run / "checkpoints" / step_name(*steps));
         return evaluation_result(evaluations_folder(run, protocol), *steps,
-                                 checksum_text(manifest.at(kPolicyFile).crc32c));
+                                 policy_checksum(run / "checkpoints" / step_name(*steps)).value());
     } catch (const std::exception&) {
         return std::nullopt;  // what is wrong with it is said where its policy is read
     }

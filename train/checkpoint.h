@@ -98,9 +98,6 @@ struct UnreadableNow : ResumeError {
     using ResumeError::ResumeError;
 };
 
-/// The name of the policy file in the folder of a checkpoint.
-inline constexpr const char* kPolicyFile = "policy.safetensors";
-
 /// Writes a checkpoint. Full chunks of the replay are not written again: those in `before_last` are linked,
 /// others in `last` are copied, each after its checksum has been verified. Two consecutive checkpoints
 /// therefore share no file, and one damaged file costs one checkpoint. Also updates the run's

@@ -13,6 +13,7 @@
 #include "cale/games.h"
 #include "policy/onnx/onnx.h"
 #include "policy/policy_file.h"
+#include "policy/stored_tensors.h"
 #include "settings/config.h"
 #include "storage/files.h"
 #include "storage/manifest.h"
@@ -80,7 +81,7 @@ std::string read_policy_file(const fs::path& path) {
     std::ifstream file(path, std::ios::binary);
     std::array<char, sizeof(std::uint64_t)> header{};  // its length
     if (file && (!file.read(header.data(), header.size()) ||
-                 std::bit_cast<std::uint64_t>(header) > fs::file_size(path) - header.size())) {
+                 !may_be_header(std::bit_cast<std::uint64_t>(header), fs::file_size(path)))) {
         refuse_file(
             "it does not begin with the header of one, or is cut off in it; cale export RUN -o FILE makes "
             "one");

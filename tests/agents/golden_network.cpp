@@ -133,6 +133,16 @@ double NetworkCase::hyper(const std::string& key) const {
     return file["hyper"][key].as<double>();
 }
 
+std::vector<std::int64_t> NetworkCase::actor_layers() const {
+    std::vector<std::int64_t> layers;
+    for (const auto& parameter : file["params"]) {
+        const auto parameter_name = parameter["name"].as<std::string>();
+        if (parameter_name.starts_with("actor.fc") && parameter_name.ends_with(".bias"))
+            layers.push_back(parameter["shape"][0].as<std::int64_t>());
+    }
+    return layers;
+}
+
 cale::AdamConfig NetworkCase::adam() const {
     return {.learning_rate = hyper("lr"),
             .beta1 = hyper("beta1"),

@@ -63,6 +63,8 @@ struct NetworkCase {
     std::int64_t batch_size;
 
     double hyper(const std::string& key) const;
+    /// The units of each of the actor's hidden layers, by `params`.
+    std::vector<std::int64_t> actor_layers() const;
     /// The optimiser's `lr`, `beta1`, `beta2` and `adam_eps`.
     cale::AdamConfig adam() const;
     /// `inputs` of this key, in the case's type and on its device.

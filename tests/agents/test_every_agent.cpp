@@ -28,6 +28,7 @@ namespace cale {
 namespace {
 
 using testing::AllOf;
+using testing::AnyOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -102,7 +103,7 @@ Kind sacd() {
     return kind("Sacd", kNumActions, make_sacd, config, kSacLosses);
 }
 
-/// SAC with everything that the paper's has not.
+/// SAC with most of what the paper's has not.
 Kind sac_plus() {
     return {"SacPlus", 0, kSacLosses,
             [](const Settings& settings, AgentSpec spec) {
@@ -128,7 +129,7 @@ Kind sac_plus() {
             /*draws_on_the_device=*/true};
 }
 
-/// Two coordinates instead of three.
+/// Four coordinates instead of three.
 Kind sac_direction() {
     auto config = small_sac();
     config.critic.atoms = 11;
@@ -278,23 +279,17 @@ TEST_P(EveryAgent, EvaluationLeavesTrainingAsItIs) {
 void spoil(Agent& agent) {
     auto state = agent.state();
     for (auto& [name, tensor] : state)
-        if (name.starts_with("network/") && name.ends_with("bias"))
+        if ((name.starts_with("network/") || name.starts_with("target/")) && name.ends_with("bias"))
             tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
     agent.load_state(state);
 }
 
-class EveryActor : public EveryAgent {};
-
-INSTANTIATE_TEST_SUITE_P(Table, EveryActor,
-                         testing::Values(sac(), sacd(), ppo("PpoWithTheJoystick", 0),
-                                         ppo("PpoWithActions", kNumActions)),
-                         name_of);
-
-TEST_P(EveryActor, SaysThatItHasDiverged) {
+TEST_P(EveryAgent, SaysThatItHasDiverged) {
     const auto agent = make(world());
     spoil(*agent);
     EXPECT_THAT([&] { agent->act(noise_frames(1, 1), ActMode::evaluate); },
-                ThrowsMessage<Diverged>(HasSubstr("the actor's output is not finite")));
+                ThrowsMessage<Diverged>(AnyOf(HasSubstr("the actor's output is not finite"),
+                                              HasSubstr("an action's value is not finite"))));
 }
 
 TEST(Priorities, SayThatAnAgentHasDiverged) {

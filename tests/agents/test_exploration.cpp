@@ -1,8 +1,10 @@
 #include <stdexcept>
+#include <variant>
 
 #include <gtest/gtest.h>
 
 #include "agents/exploration.h"
+#include "cale/joystick.h"
 #include "support/golden.h"
 
 namespace {
@@ -20,7 +22,16 @@ TEST(SchedulesGolden, EpsilonDecaysAsInTheReference) {
 }
 
 TEST(ExplorationBox, EventsAreThoseOfTheWorldsBox) {
-    using cale::RandomActions;
+    using cale::Joystick, cale::RandomActions;
+    for (const auto joystick :
+         {Joystick::polar, Joystick::cartesian, Joystick::direction, Joystick::paddle}) {
+        const auto space = std::get<cale::Box>(joystick_space(joystick));
+        const auto events = cale::exploration_box(space, RandomActions::events).landmarks;
+        EXPECT_EQ(events.size(0), joystick == Joystick::paddle ? 6 : 18);
+        ASSERT_EQ(events.size(1), space.size());
+        for (std::int64_t i = 0; i < events.numel(); ++i)
+            EXPECT_EQ(events.flatten()[i].item<float>(), space.landmarks[static_cast<std::size_t>(i)]);
+    }
     const cale::Box plain{.low = {-1}, .high = {1}};
     EXPECT_FALSE(cale::exploration_box(plain, RandomActions::box).landmarks.defined());
     EXPECT_THROW(cale::exploration_box(plain, RandomActions::events), std::invalid_argument);

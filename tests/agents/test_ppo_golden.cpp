@@ -29,13 +29,9 @@ struct Case : golden::NetworkCase {
         } else {
             const bool phi_sac = hyper_node["encoder"].as<std::string>() == "SAC";
             config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
-            config.network.hidden_layers = 0;
-            for (const auto& param : file["params"]) {
-                const auto parameter = param["name"].as<std::string>();
-                if (!parameter.starts_with("actor.fc") || !parameter.ends_with(".bias")) continue;
-                ++config.network.hidden_layers;
-                config.network.hidden_units = param["shape"][0].as<std::int64_t>();
-            }
+            const auto layers = actor_layers();
+            config.network.hidden_layers = std::ssize(layers);
+            if (!layers.empty()) config.network.hidden_units = layers.back();
         }
         config.clip = hyper("clip");
         config.clip_value_loss = hyper_node["clip_critic_loss"].as<bool>();

@@ -6,6 +6,10 @@
 namespace cale {
 namespace {
 
+c10::DeviceType device_of_batches(Agent& agent) {
+    return agent.replay()->empty_batch(1).observation.device().type();
+}
+
 template <class Config>
 void expect_no_difference(std::unique_ptr<Agent> (*make)(const Config&, const AgentSpec&), Config config,
                           const AgentSpec& world) {
@@ -16,6 +20,9 @@ void expect_no_difference(std::unique_ptr<Agent> (*make)(const Config&, const Ag
     drive(*on_device, world, 0, 60);
     EXPECT_GT(gradient_steps_of(*on_host), 10);
     expect_equal(on_device->state(), on_host->state());
+    // With CALE_TEST_DEVICE=cuda these are two devices.
+    EXPECT_EQ(device_of_batches(*on_device), world.device.type());
+    EXPECT_EQ(device_of_batches(*on_host), torch::kCPU);
 }
 
 TEST(ReplayOnDevice, ChangesNoBitOfSac) {

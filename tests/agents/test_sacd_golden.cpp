@@ -23,8 +23,7 @@ struct Case : golden::NetworkCase {
         const bool phi_sac = hyper_node["encoder"] && hyper_node["encoder"].as<std::string>() == "SAC";
         config.network.encoder = phi_sac ? EncoderKind::phi_sac : EncoderKind::phi_dqn;
         config.network.hidden_units = hyper_node["hidden_units"].as<std::int64_t>();
-        if (hyper_node["hidden_layers"])
-            config.network.hidden_layers = hyper_node["hidden_layers"].as<std::int64_t>();
+        config.network.hidden_layers = std::ssize(actor_layers());
         config.replay.reward_scale = hyper("reward_scale");
         config.tau = hyper("tau");
         config.next_policy =

@@ -212,7 +212,7 @@ TEST(UpdatesByHand, OfDerWithTheJoystick) {
                     priorities.at(after.index[i].item<std::int64_t>()) / sum, 1e-6);
 }
 
-TEST(UpdatesByHand, OfSacWithEverythingThatThePapersHasNot) {
+TEST(UpdatesByHand, OfSacWithTheOptionsOfItsNetworksAndItsReplay) {
     auto config = with_optimiser(small_sac());
     config.replay = unusual_replay();
     config.network.layer_norm = true;

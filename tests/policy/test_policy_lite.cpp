@@ -371,6 +371,27 @@ TEST(LitePolicy, NumbersThatAreNotFiniteDecideNothing) {
     }
 }
 
+/// The first layer gives infinities, and the second their differences: no ReLU and no pooling may take what
+/// is not a number for a small one.
+TEST(LitePolicy, NumbersThatAreNotFiniteStaySoInEveryLayer) {
+    for (const auto* name : {"sac", "sac_dqn", "sac_impala", "sac_mlp", "dqn", "der_data_efficient"}) {
+        auto file = named(name);
+        for (auto& [parameter, weights] : file.weights)
+            for (std::size_t i = 0; i < weights.size(); ++i)
+                weights[i] = !parameter.ends_with(".weight") ? 0.0F : i % 2 == 0 ? 3e38F : -3e38F;
+        std::ranges::fill(file.weights.at(parameter_shapes(file.network).front().name), 3e38F);
+        std::ranges::fill(file.golden.observation, std::uint8_t{0});
+        std::ranges::fill(file.golden.output, 0.0F);
+        const auto policy = policy_of(file);
+        auto workspace = policy.workspace();
+        std::mt19937_64 random(1);
+        const std::vector<std::uint8_t> pixels(policy.info().observation_size(), 255);
+        EXPECT_EQ(test::message_of([&] { policy.act(pixels, workspace, Choice::greedy, random); }),
+                  "the policy's network gives a number that is not finite for this observation")
+            << name;
+    }
+}
+
 TEST(LitePolicy, AWorkspaceIsNoOtherPolicysAfterItsOwnIsGone) {
     const auto file = named("sac");
     for (int i = 0; i < 8; ++i) {

@@ -13,22 +13,29 @@ std::string directory() {
 }
 
 YAML::Node load(const std::string& file_name) {
-    const auto path = std::filesystem::path(directory()) / file_name;
-    if (!std::filesystem::exists(path)) throw std::runtime_error("no golden file " + path.string());
-    return YAML::LoadFile(path.string());
+    for (const std::filesystem::path folder : {directory(), std::string(CALE_SOURCE_GOLDEN_DIR)})
+        if (std::filesystem::exists(folder / file_name)) return YAML::LoadFile((folder / file_name).string());
+    throw std::runtime_error("no golden file " + directory() + "/" + file_name);
 }
 
-std::vector<std::string> files_of_kind(std::string_view kind) {
+namespace {
+
+std::vector<std::string> files_in(const std::string& folder, std::string_view kind) {
     std::vector<std::string> found;
-    for (const auto& entry : std::filesystem::directory_iterator(directory())) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
         if (entry.path().extension() != ".yaml") continue;
         const auto file = YAML::LoadFile(entry.path().string());
         if (file["kind"] && file["kind"].as<std::string>() == kind) found.push_back(entry.path().filename());
     }
-    if (found.empty())
-        throw std::runtime_error("no golden file of the kind " + std::string(kind) + " in " + directory());
     std::sort(found.begin(), found.end());
     return found;
+}
+
+}  // namespace
+
+std::vector<std::string> files_of_kind(std::string_view kind) {
+    const auto found = files_in(directory(), kind);
+    return found.empty() ? files_in(CALE_SOURCE_GOLDEN_DIR, kind) : found;
 }
 
 std::uint64_t seed(std::string_view case_name, std::string_view name) {

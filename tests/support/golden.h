@@ -14,11 +14,11 @@ namespace golden {
 /// The folder named by CALE_GOLDEN_DIR, else the copy in the source tree.
 std::string directory();
 
-/// A file of that folder. Throws std::runtime_error that names the missing file.
+/// A file of that folder, else of the copy. Throws std::runtime_error that names the missing file.
 YAML::Node load(const std::string& file_name);
 
-/// Every file of that folder whose top-level `kind` is this one, sorted by name. Throws std::runtime_error
-/// where there is none.
+/// Every file of that folder whose top-level `kind` is this one, sorted by name; where it has none, those of
+/// the copy.
 std::vector<std::string> files_of_kind(std::string_view kind);
 
 /// FNV-1a 64 of "case/name".

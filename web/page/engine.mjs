@@ -18,8 +18,8 @@ export function missingFeature() {
             'from version 91 on, Firefox from 89, Safari from 16.4.';
     }
     if (!WebAssembly.validate(exceptionsModule)) {
-        return 'This browser’s WebAssembly has no exceptions, which the emulator and the policy need: Chrome and Edge have ' +
-            'them from version 95 on, Firefox from 100, Safari from 15.2.';
+        return 'This browser’s WebAssembly has no exceptions, which the emulator and the policy need: the page runs ' +
+            'in Chrome and Edge from version 97 on, Firefox from 100, Safari from 16.4.';
     }
     return '';
 }
