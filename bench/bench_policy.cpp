@@ -30,6 +30,7 @@ std::string policy_contents(const std::string& encoder) {
     PolicyFile policy;
     auto& info = policy.info;
     auto& network = policy.network;
+    info.agent = encoder == "phi_dqn" ? "dqn" : "sac";
     info.action_space = "continuous";
     const auto hidden = hidden_layers(1, 512, Layer::Kind::relu);
     if (encoder == "phi_dqn") {

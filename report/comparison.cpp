@@ -408,10 +408,13 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
                    return run.recorded_as.empty() && run.games_in_score < kFewGames;
                }));
     const auto is_untrained = [](const Run& run) {
-        return run.total_steps > 0 &&
-               ends_before_first_update(number_of(run, "agent.min_replay"), run.total_steps);
+        return run.total_steps > 0 && std::ranges::any_of(kWaitsForUpdate, [&](const char* key) {
+                   return ends_before_first_update(number_of(run, key), run.total_steps);
+               });
     };
-    add_labels(notes, "Runs end before the first update (agent.min_replay), so that nothing was learned",
+    add_labels(notes,
+               "Runs end before the first update (agent.min_replay, agent.rollout_steps), so that nothing "
+               "was learned",
                groups_where(comparison, is_untrained));
     return notes;
 }

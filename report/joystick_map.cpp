@@ -52,10 +52,11 @@ Point centre_of(const Polygon& polygon) {
     return centre;
 }
 
-Event event_at(Point stick, bool fire, double threshold) {
+/// Without the button.
+Event event_at(Point stick, double threshold) {
     const ContinuousAction action{.radius = static_cast<float>(std::hypot(stick.x, stick.y)),
                                   .theta = static_cast<float>(std::atan2(stick.y, stick.x)),
-                                  .fire = fire ? 1.0f : 0.0f};
+                                  .fire = 0};
     return joystick_event(action, static_cast<float>(threshold));
 }
 
@@ -64,6 +65,11 @@ Point direction_of(Event event) {
     const auto stick = event_stick(event);
     return {std::round(stick.radius * std::cos(stick.theta)),
             std::round(stick.radius * std::sin(stick.theta))};
+}
+
+/// The event of the same region with the button pressed.
+Event with_fire(Event event) {
+    return event == Event::noop ? Event::fire : static_cast<Event>(static_cast<int>(event) + 8);
 }
 
 Colour region_colour(Point direction) {
@@ -88,7 +94,7 @@ void draw_disc(Picture& picture, Point centre, double radius, bool fire, double 
         outline.push_back(outline.front());
         picture.lines.push_back({outline, kInk, 1.2});
 
-        const auto event = event_at(centre_of(region.outline), fire, threshold);
+        const auto event = fire ? with_fire(region.event) : region.event;
         const double share = shares[static_cast<std::size_t>(event)];
         const double length = std::hypot(direction.x, direction.y);
         if (length == 0) {
@@ -122,7 +128,7 @@ std::vector<JoystickRegion> joystick_regions(double threshold) {
             outline = beyond(
                 vertical, [](Point p) { return p.y; }, std::move(outline));
             if (outline.size() < 3) continue;
-            const auto event = event_at(centre_of(outline), false, threshold);
+            const auto event = event_at(centre_of(outline), threshold);
             regions.push_back({event, std::move(outline)});
         }
     }
@@ -208,7 +214,7 @@ std::string joystick_map_text(double threshold, Joystick joystick) {
         for (int column = 0; column < kColumns; ++column) {
             const Point stick{2 * (column + 0.5) / kColumns - 1, 1 - 2 * (row + 0.5) / kRows};
             const bool inside = std::hypot(stick.x, stick.y) <= 1;
-            line += inside ? sign(direction_of(event_at(stick, false, threshold))) : ' ';
+            line += inside ? sign(direction_of(event_at(stick, threshold))) : ' ';
         }
         text += "  " + line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
     }
@@ -217,10 +223,10 @@ std::string joystick_map_text(double threshold, Joystick joystick) {
     for (int i = 0; i < kEventCount; ++i) {
         const auto event = static_cast<Event>(i);
         if (event_name(event).find("FIRE") != std::string_view::npos) continue;
-        const auto with_fire = event == Event::noop ? Event::fire : static_cast<Event>(i + 8);
         const auto share = [&](Event of) { return 100 * shares[static_cast<std::size_t>(of)]; };
         text += fmt::format("  {}  {:<9}  {:>17.1f} %  {:>13.1f} %  {}\n", sign(direction_of(event)),
-                            event_name(event), share(event), share(with_fire), event_name(with_fire));
+                            event_name(event), share(event), share(with_fire(event)),
+                            event_name(with_fire(event)));
     }
     return text;
 }

@@ -516,8 +516,8 @@ std::optional<double> number_of(const Run& run, const std::string& key) {
     return number && std::isfinite(*number) ? number : std::nullopt;
 }
 
-bool ends_before_first_update(std::optional<double> min_replay, double total_steps) {
-    return min_replay && total_steps <= *min_replay;
+bool ends_before_first_update(std::optional<double> waits_for, double total_steps) {
+    return waits_for && total_steps <= *waits_for;
 }
 
 std::optional<double> score_at(const Run& run, double step) {

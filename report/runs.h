@@ -104,9 +104,11 @@ std::string setting_of(const Run& run, const std::string& key);
 /// The same as a number, which may be written as 50_000_000; none where it is not set or no finite number.
 std::optional<double> number_of(const Run& run, const std::string& key);
 
-/// Returns whether a run of so many agent steps certainly makes no update, as it never has more than
-/// agent.min_replay transitions. `min_replay`: that setting, none of an agent without a replay.
-bool ends_before_first_update(std::optional<double> min_replay, double total_steps);
+/// The settings that a first update waits for: an agent has one of them.
+inline constexpr std::array<const char*, 2> kWaitsForUpdate{"agent.min_replay", "agent.rollout_steps"};
+/// Returns whether a run of so many agent steps certainly makes no update. `waits_for`: its setting of
+/// kWaitsForUpdate, none where it has none.
+bool ends_before_first_update(std::optional<double> waits_for, double total_steps);
 
 /// Returns what Run::score() was after that many agent steps; none before the run's first score.
 std::optional<double> score_at(const Run& run, double step);

@@ -48,6 +48,11 @@ std::vector<std::string> expand_one(std::string_view key, const std::string& tex
     if (key == "env.game") {
         auto group = games_of_group(text);
         if (!group.empty()) return group;
+        if (text.find(',') != text.npos)
+            throw ConfigError(fmt::format(
+                "'{0}' is several games, and a run of a sweep is of one; env.game={0} of a training "
+                "program trains one policy for them",
+                text));
         try {
             return {std::string(find_game(text).rom)};
         } catch (const std::invalid_argument& error) {

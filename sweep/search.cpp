@@ -116,6 +116,12 @@ void print(const Search& search, const Rung& rung, std::FILE* out) {
                    "Their ranks do not tell samples {} and {} apart, so the one of the smaller number "
                    "continues; with a larger first_steps in 'search:' more games end before.\n",
                    samples[continuing - 1].sample, samples[continuing].sample);
+    if (continuing == 0 && samples.size() > 1 && samples[0].rank == samples[1].rank)
+        fmt::print(
+            out,
+            "Their ranks do not tell samples {} and {} apart, so search_best.yaml is of the one of the "
+            "smaller number; with more games or seeds they may.\n",
+            samples[0].sample, samples[1].sample);
 }
 
 /// The newest comparison of each sample, the longest first.

@@ -204,9 +204,11 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 }
 
 bool makes_no_update(const PlannedRun& planned) {
-    const auto* const first = planned_value(planned, "agent.min_replay");
-    return first != nullptr && ends_before_first_update(static_cast<double>(integer_in(*first)),
-                                                        static_cast<double>(planned.end.total_steps));
+    return std::ranges::any_of(kWaitsForUpdate, [&](const char* key) {
+        const auto* const first = planned_value(planned, key);
+        return first != nullptr && ends_before_first_update(static_cast<double>(integer_in(*first)),
+                                                            static_cast<double>(planned.end.total_steps));
+    });
 }
 
 // ---- searches -----------------------------------------------------------------------
@@ -270,7 +272,10 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         fmt::print(stderr, "note: {} of {} combinations repeat another one, which is trained once\n",
                    sweep.repeated, sweep.repeated + sweep.runs.size());
     if (const auto count = std::ranges::count_if(runs, makes_no_update); count > 0)
-        fmt::print(stderr, "note: {} of them make no update: they end before agent.min_replay\n", count);
+        fmt::print(
+            stderr,
+            "note: {} of them make no update: they end before agent.min_replay or agent.rollout_steps\n",
+            count);
     search.train = [&](std::span<const PlannedRun> some) {
         return run_locally(some, folder, slots,
                            {.threads = options.sharing.threads,

@@ -1,3 +1,4 @@
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -8,6 +9,7 @@
 
 #include "cale/text.h"
 #include "settings/config.h"
+#include "settings/shell_text.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 #include "train/export.h"
@@ -75,9 +77,9 @@ void export_page(const Options& options) {
     }
     const auto info = export_web_page(options.from, page, options.web);
     fmt::print(
-        "{}: {}\nTo see it: python3 -m http.server --directory {}, then http://localhost:8000 and a ROM of "
-        "{}\n",
-        options.web, description(info), options.web, printable(info.game));
+        "{}: {}\nTo see it: {}, then http://localhost:8000 and a ROM of {}\n", options.web, description(info),
+        shell_text(std::array<std::string, 5>{"python3", "-m", "http.server", "--directory", options.web}),
+        printable(info.game));
 }
 
 }  // namespace

@@ -61,6 +61,8 @@ PlayPlan plan_of(const Options& options) {
             throw ConfigError(fmt::format("--set {}: there is --threshold {}; leave one of them out", setting,
                                           *options.threshold));
     }
+    if (options.game.find_first_of("/.") != options.game.npos && std::filesystem::exists(options.game))
+        throw ConfigError(fmt::format("{0} is no game; a policy is given by --policy {0}", options.game));
     if (!options.game.empty()) plan.env.game = options.game;
     if (options.threshold) plan.env.threshold = *options.threshold;
     set_environment(plan.env, options.settings);

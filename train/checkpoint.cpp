@@ -339,10 +339,10 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
                                 "away to resume from the one before",
                                 folder->string(), why));
             if (is_whole || dynamic_cast<const OtherFormat*>(&error) != nullptr)
-                throw ResumeError(fmt::format(
-                    "the checkpoint {} is not damaged, but does not fit: {}; undo what has changed since "
-                    "it was written, or move it away to resume from the one before",
-                    folder->string(), why));
+                throw DoesNotFit(fmt::format("the checkpoint {} is not damaged, but does not fit: {}",
+                                             folder->string(), why),
+                                 "undo what has changed since it was written, or move it away to resume from "
+                                 "the one before");
             checkpoint.passed_over.push_back(
                 fmt::format("The checkpoint {} cannot be read: {}", folder->string(), why));
         }

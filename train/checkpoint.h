@@ -92,6 +92,13 @@ struct Checkpoint {
 struct ResumeError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
+/// The checkpoint is whole, and does not fit the agent or the games.
+struct DoesNotFit : ResumeError {
+    DoesNotFit(const std::string& sentence, const std::string& way_out)
+        : ResumeError(sentence + "; " + way_out), without_way_out(sentence) {}
+    std::string without_way_out;
+};
+
 /// The checkpoint could not be read for lack of memory or because of a system error: the same command may
 /// succeed later.
 struct UnreadableNow : ResumeError {

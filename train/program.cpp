@@ -20,6 +20,7 @@
 #include "agents/process.h"
 #include "cale/cores.h"
 #include "cale/text.h"
+#include "evaluate/run_evaluations.h"
 #include "policy/policy_info.h"
 #include "replay/available_memory.h"
 #include "report/runs.h"
@@ -64,9 +65,13 @@ auto checked(const Make& make) {
 ProcessGroup join_processes(const std::optional<ProcessRank>& process, const TrainingProgram& program,
                             torch::Device device) {
     if (!process) return {};
-    if (process->rank == 0)
-        std::fprintf(stderr, "%s: waiting for the other %d of %d processes at %s:%d\n", program.name.c_str(),
-                     process->size - 1, process->size, process->master_address.c_str(), process->master_port);
+    const auto who = process->rank == 0
+                         ? fmt::format("the other {} of {} processes", process->size - 1, process->size)
+                         : std::string("process 0");
+    std::fputs(fmt::format("{}: waiting for {} at {}:{}\n", program.name, who, process->master_address,
+                           process->master_port)
+                   .c_str(),
+               stderr);
     return checked([&] {
         ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
@@ -162,7 +167,20 @@ fs::path choose_run_dir(const CommandLine& line, const TrainingProgram& program,
                                           static_cast<std::int64_t>(std::time(nullptr)));
 }
 
-/// Refuses a folder that lies in a run's, or holds a run, but for one that was stopped before its first
+/// Refuses a folder with other runs in it, at any depth, or with a sweep's list of them: as a run itself it
+/// would hide them.
+void require_no_runs_below(const fs::path& run_dir) {
+    if (!fs::is_directory(run_dir)) return;
+    const auto runs = run_folders(run_dir);
+    if (runs.empty() && !fs::exists(run_dir / kSweepList)) return;
+    throw ConfigError(
+        fmt::format("--run-dir {}: {} in it; give the run a folder of its own, such as {}", run_dir.string(),
+                    runs.empty() ? "a sweep's runs belong"
+                                 : fmt::format("there are other runs, {} first,", runs.front().string()),
+                    (run_dir / "my_run").string()));
+}
+
+/// Refuses a folder that lies in a run's, or holds runs, but for one that was stopped before its first
 /// checkpoint, or files of others that a run would replace.
 void require_no_run(const fs::path& run_dir) {
     if (const auto above = run_above(run_dir); !above.empty()) {
@@ -177,6 +195,7 @@ void require_no_run(const fs::path& run_dir) {
     }
     // A run writes its metadata first.
     if (!metadata_text(run_dir, "program").empty() || has_run_record(run_dir)) return;
+    require_no_runs_below(run_dir);
     for (const auto* name :
          {"config.yaml", "metadata.json", "episodes.csv", "progress.csv", "joystick_events.csv",
           "learning_curve.svg", "learning_curve.png", "checkpoints", "eval", "videos"}) {
@@ -353,11 +372,11 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
     } catch (const UnreadableNow&) {
         throw;
-    } catch (const ResumeError& error) {
+    } catch (const DoesNotFit& error) {
         if (changes.empty()) throw;
         throw ResumeError(fmt::format(
             "--accept-changes: {}, which what is stored may not fit: {}; take that back, or start a new run",
-            changes, error.what()));
+            changes, error.without_way_out));
     }
 }
 
@@ -403,7 +422,8 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
                                {"environments", fmt::format("{}", world.num_envs)},
                                {"device", machine},
                                {"seed", fmt::format("{}", program.settings.train.seed)}});
-    if (const auto* key = "agent.min_replay"; program.table.has(key)) {
+    for (const auto* key : kWaitsForUpdate) {
+        if (!program.table.has(key)) continue;
         const auto first = std::stoll(program.table.at(key).get());
         if (ends_before_first_update(static_cast<double>(first), static_cast<double>(steps)))
             facts.emplace_back(

@@ -358,6 +358,10 @@ TEST(JoystickMap, NamesAllEighteenEvents) {
     }
     expect_tidy({.name = "map", .picture = joystick_map(0.5)});
     expect_tidy({.name = "map", .picture = joystick_map(0.95)});
+    // Where no push is far enough, FIRE is in the disc with the button all the same, 0 %.
+    const auto of_one = words_of(joystick_map(1));
+    EXPECT_EQ(std::ranges::count(of_one, "NOOP"), 1);
+    EXPECT_EQ(std::ranges::count(of_one, "FIRE"), 1);
 }
 
 }  // namespace

@@ -303,6 +303,10 @@ TEST_F(HalvingSearch, SaysWhereTheScoresDoNotDecide) {
         folder_.read("said"),
         HasSubstr(
             "Their ranks do not tell samples 3 and 4 apart, so the one of the smaller number continues"));
+    ASSERT_EQ(search(SearchMethod::random), 0);
+    EXPECT_THAT(
+        folder_.read("said"),
+        HasSubstr("Their ranks do not tell samples 1 and 2 apart, so search_best.yaml is of the one"));
 }
 
 TEST_F(HalvingSearch, TheBestSettingsComeWithThoseThatAllRunsHave) {

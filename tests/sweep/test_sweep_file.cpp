@@ -283,6 +283,8 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("agent: sac\ngrid: {game: pong}\n"), HasSubstr("mine.yaml:2:8: 'game' is no key"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pnog}\n"), HasSubstr("mine.yaml:2:18: "));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pnog}\n"), HasSubstr("pong"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: 'pong,krull'}\n"),
+                HasSubstr("'pong,krull' is several games, and a run of a sweep is of one;"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 5..1}\n"), HasSubstr("the range 5..1 is empty"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 0..4000000000}\n"),
                 HasSubstr("more than 100000 values"));

@@ -24,6 +24,7 @@
 #include <torch/types.h>
 #include <nlohmann/json.hpp>
 
+#include "agents/dqn.h"
 #include "agents/ppo.h"
 #include "agents/sac.h"
 #include "cale/games.h"
@@ -104,6 +105,24 @@ TEST(ProgramEmulator, TrainsAndWritesWhatItRan) {
                                            ": it is in the folder of another run, " + run +
                                            "; choose another one\n");
     }
+}
+
+TEST(ProgramEmulator, AFolderOfRunsIsNoRuns) {
+    const TemporaryFolder folder;
+    const auto run = (folder.path() / "mine" / "run").string(), mine = (folder.path() / "mine").string();
+    ASSERT_EQ(train_sac(small(run)).code, 0);
+    for (const auto& above : {mine, folder.path().string()}) {
+        const auto refused = train_sac(small(above));
+        EXPECT_EQ(refused.code, 2);
+        EXPECT_EQ(refused.stderr_text, "train_sac: --run-dir " + above + ": there are other runs, " + run +
+                                           " first, in it; give the run a folder of its own, such as " +
+                                           above + "/my_run\n");
+    }
+    const auto sweep = folder.path() / "sweep";
+    std::filesystem::create_directory(sweep);
+    write_file_atomically(sweep / "sweep_runs.txt", "Pong__sac__1\n");
+    EXPECT_THAT(train_sac(small(sweep)).stderr_text, testing::HasSubstr("a sweep's runs belong in it;"));
+    EXPECT_EQ(train_sac(small(folder.path() / "mine" / "my_run")).code, 0);
 }
 
 /// Has no settings.
@@ -646,6 +665,8 @@ TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     EXPECT_THAT(
         misfit.stderr_text,
         testing::HasSubstr("agent.hidden_units was 8 and is now 9, which what is stored may not fit: "));
+    EXPECT_THAT(misfit.stderr_text, testing::Not(testing::HasSubstr("move it away")))
+        << "the one before fits no more";
     EXPECT_THAT(read_file(folder.path() / "config.yaml"), testing::HasSubstr("hidden_units: 8"));
     EXPECT_EQ(train_sac(small(folder.path() / "new", {"--accept-changes"})).code, 2);
 }
@@ -985,6 +1006,26 @@ TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
     ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%lf,%lf,%lf", &episode, &episode_return, &length, &frames), 4)
         << row;
     EXPECT_LT(frames, 4 * length - 4) << "more than its last step was cut short";
+}
+
+TEST(CaleProgram, DrawsNothingFromActionValues) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train("dqn", make_dqn,
+                    {"--run-dir", (folder.path() / "run").string(), "--threads", "1", "--no-progress",
+                     "agent.encoder=data_efficient", "agent.hidden_units=8", "agent.replay_capacity=1000",
+                     "train.total_steps=12", "eval.episodes=0"})
+                  .code,
+              0);
+    const auto said = cale_says(
+        "evaluate run --sampled --episodes 1 --steps 20 --protocol fixed_steps --out e", folder.path());
+    EXPECT_EQ(said.code, 0) << said.text;
+    EXPECT_THAT(said.text,
+                testing::HasSubstr("cale evaluate: --sampled: this policy has action values, which "
+                                   "are no distribution, and no noise: it plays greedily\n"));
+    EXPECT_THAT(read_file(folder.path() / "e" / "evaluation.json"),
+                testing::HasSubstr("\"choice\": \"greedy\""));
+    EXPECT_EQ(cale_says("play run/config.yaml", folder.path()).text,
+              "cale play: run/config.yaml is no game; a policy is given by --policy run/config.yaml\n");
 }
 
 TEST(EveryProgram, FailsWhereItsStandardOutputCannotBeWritten) {
