@@ -64,8 +64,7 @@ void fields(OnPolicySettings& settings, Visit&& visit) {
           "unpadded but for impala and row1d");
     visit("log_std", settings.log_std,
           "of a box: summed: 1 + hidden_units parameters per coordinate (without hidden layers 1 + the "
-          "features), as "
-          "released; direct: one");
+          "features), as released; direct: one");
     visit("gamma", settings.gamma, Range{0, 1}, "discount per agent step");
     visit("gae_lambda", settings.gae_lambda, Range{0, 1}, "lambda of the advantage estimate");
     visit("rollout_steps", settings.rollout_steps, Range{1, 1e7},

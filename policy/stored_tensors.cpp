@@ -134,7 +134,7 @@ void check_layout(std::vector<Entry> entries, std::size_t data_size) {
 }  // namespace
 
 bool may_be_header(std::uint64_t length, std::uint64_t size) {
-    return size >= kLengthSize && length <= size - kLengthSize && length <= kMaxHeader;
+    return length > 0 && size >= kLengthSize && length <= size - kLengthSize && length <= kMaxHeader;
 }
 
 StoredTensors stored_tensors(std::string_view file) {
@@ -142,7 +142,7 @@ StoredTensors stored_tensors(std::string_view file) {
         throw FileDamage({"it has ", number(file.size()), " bytes, too few for a header"});
     std::uint64_t length = 0;
     std::memcpy(&length, file.data(), kLengthSize);
-    if (!may_be_header(length, file.size())) {
+    if (length > 0 && !may_be_header(length, file.size())) {
         throw FileDamage({"its header of ", number(length),
                           " bytes does not fit; it is cut off or not a safetensors file"});
     }

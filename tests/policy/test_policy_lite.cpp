@@ -8,12 +8,14 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <new>
 #include <numbers>
 #include <thread>
 
 #include "policy/sample_policies.h"
+#include "support/temporary_folder.h"
 
 namespace {
 
@@ -390,6 +392,16 @@ TEST(LitePolicy, NumbersThatAreNotFiniteStaySoInEveryLayer) {
                   "the policy's network gives a number that is not finite for this observation")
             << name;
     }
+}
+
+TEST(LitePolicy, WhatCannotBeAPolicyIsNotReadToItsEnd) {
+    EXPECT_EQ(test::message_of([] { lite::Policy::load("/dev/zero"); }),
+              "'/dev/zero' cannot be used: its header is not valid JSON");
+    const ::test::TemporaryFolder folder;
+    const auto large = folder.write("large", "0123456789");
+    std::filesystem::resize_file(large, 1'000'000'000'000);
+    EXPECT_THAT(test::message_of([&] { lite::Policy::load(large); }),
+                HasSubstr("bytes does not fit; it is cut off or"));
 }
 
 TEST(LitePolicy, AWorkspaceIsNoOtherPolicysAfterItsOwnIsGone) {
