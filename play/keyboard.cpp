@@ -81,13 +81,14 @@ ContinuousAction take_joystick(Hands& hands) {
     return joystick(touched);
 }
 
-std::string_view keyboard_help() {
-    return "arrows or WASD   the stick\n"
-           "Space            fire\n"
-           "mouse on dial    hold the left button to place the stick, the right one to fire\n"
-           "1 ... 9, 0       how far the keys push the stick: 0.1 ... 0.9, 1\n"
-           "Shift            half as far while held\n"
-           "P, R, Esc        pause, new game, quit\n";
+std::string keyboard_help(bool pauses) {
+    const std::string keys =
+        "arrows or WASD   the stick\n"
+        "Space            fire\n"
+        "mouse on dial    hold the left button to place the stick, the right one to fire\n"
+        "1 ... 9, 0       how far the keys push the stick: 0.1 ... 0.9, 1\n"
+        "Shift            half as far while held\n";
+    return keys + (pauses ? "P, R, Esc        pause, new game, quit\n" : "Esc              quit\n");
 }
 
 }  // namespace cale

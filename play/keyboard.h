@@ -48,7 +48,8 @@ ContinuousAction joystick(const Hands& hands);
 /// joystick() for the next step: keys that were pressed and let go since the last call count, too.
 ContinuousAction take_joystick(Hands& hands);
 
-/// The keys, a line each, to be read before playing.
-std::string_view keyboard_help();
+/// The keys, a line each, to be read before playing. `pauses`: whether the game can be stopped and begun
+/// anew.
+std::string keyboard_help(bool pauses = true);
 
 }  // namespace cale

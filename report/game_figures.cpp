@@ -408,12 +408,17 @@ bool has_zones(const GameResult& result) {
 
 /// game_table() as a picture.
 Picture game_table_figure(const Comparison& comparison) {
-    constexpr double kRow = 21, kSize = 12, kGap = 22, kTop = 66;
+    constexpr double kRow = 21, kLine = 15, kSize = 12, kGap = 22, kTop = 66, kHeading = 150;
     const auto table = game_table(comparison);
+    std::vector<std::vector<std::string>> headings;  // line by line
+    std::size_t height = 1;
     std::vector<double> rights;  // of the columns
     double x = kMargin;
     for (std::size_t column = 0; column < table.header.size(); ++column) {
-        double width = text_width(table.header[column], kSize, true);
+        headings.push_back(wrapped(table.header[column], kHeading, kSize));
+        height = std::max(height, headings.back().size());
+        double width = 0;
+        for (const auto& line : headings.back()) width = std::max(width, text_width(line, kSize, true));
         for (const auto& row : table.rows) width = std::max(width, text_width(row[column], kSize, true));
         rights.push_back(x + width);
         x += width + kGap;
@@ -421,6 +426,7 @@ Picture game_table_figure(const Comparison& comparison) {
     Picture picture = titled_picture("Scores, game by game", x - kGap + kMargin);
     const auto write = [&](const std::vector<std::string>& row, double y, auto&& is_bold, Colour colour) {
         for (std::size_t column = 0; column < row.size(); ++column) {
+            if (row[column].empty()) continue;
             const bool first = column == 0;
             picture.words.push_back({row[column],
                                      {first ? kMargin : rights[column], y},
@@ -430,10 +436,18 @@ Picture game_table_figure(const Comparison& comparison) {
                                      is_bold(column)});
         }
     };
-    write(
-        table.header, kTop, [](std::size_t) { return true; }, kInk);
-    picture.lines.push_back({{{kMargin, kTop + 7}, {rights.back(), kTop + 7}}, kFaintInk, 1});
     double y = kTop;
+    for (std::size_t line = 0; line < height; ++line) {
+        std::vector<std::string> row;
+        for (const auto& heading : headings) {
+            const auto above = height - heading.size();  // headings end in one line
+            row.push_back(line < above ? "" : heading[line - above]);
+        }
+        y = kTop + kLine * static_cast<double>(line);
+        write(
+            row, y, [](std::size_t) { return true; }, kInk);
+    }
+    picture.lines.push_back({{{kMargin, y + 7}, {rights.back(), y + 7}}, kFaintInk, 1});
     for (std::size_t i = 0; i < table.rows.size(); ++i) {
         y += kRow;
         write(

@@ -239,9 +239,18 @@ struct Evaluations {
     Protocol protocol{};
 };
 
+nlohmann::ordered_json read_protocol_object(const fs::path& path) {
+    try {
+        return read_object(path);
+    } catch (const std::exception& error) {
+        throw std::runtime_error(
+            fmt::format("{}; move its folder away, and cale evaluate plays its games again", error.what()));
+    }
+}
+
 /// None where another game was played.
 std::optional<Protocol> read_protocol(const fs::path& path) {
-    const auto json = read_object(path);
+    const auto json = read_protocol_object(path);
     Protocol protocol{.text = {}};
     for (const auto& [name, value] : json.items()) {
         if (name == "settings" && value.contains("env.game")) return std::nullopt;
@@ -378,7 +387,6 @@ void read_training_run(Run& run, const EpisodeHistory& episodes, const Progress&
     read_besides(run, "rewards", [&] { read_rewards(run, evaluations_of(run.folder).folder); });
 }
 
-/// The same of its evaluations.
 /// Says in run.doubts where the newest evaluation, which `cale evaluate` made, is of another policy than the
 /// checkpoint of its step holds: the run was made again.
 void check_evaluated_policy(Run& run, const fs::path& folder) {
@@ -393,6 +401,7 @@ void check_evaluated_policy(Run& run, const fs::path& folder) {
                                      report.back().string(), checkpoint.string()));
 }
 
+/// Sets what is known of the evaluations: their score, events and rewards.
 void read_evaluated_run(Run& run) {
     const auto evaluations = evaluations_of(run.folder);
     read_evaluations(run, evaluations);

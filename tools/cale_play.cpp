@@ -169,7 +169,7 @@ int run(const Options& options) {
         return window ? window->poll(hands) : Command::none;
     };
     if (window) {
-        if (!plan.decide) std::fputs(std::string(keyboard_help()).c_str(), stdout);
+        if (!plan.decide) std::fputs(keyboard_help(!options.real_time).c_str(), stdout);
         stage.show = [&](const Image& picture, const std::string& title) { window->show(picture, title); };
     }
     Console console(stderr);

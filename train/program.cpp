@@ -65,13 +65,9 @@ auto checked(const Make& make) {
 ProcessGroup join_processes(const std::optional<ProcessRank>& process, const TrainingProgram& program,
                             torch::Device device) {
     if (!process) return {};
-    const auto who = process->rank == 0
-                         ? fmt::format("the other {} of {} processes", process->size - 1, process->size)
-                         : std::string("process 0");
-    std::fputs(fmt::format("{}: waiting for {} at {}:{}\n", program.name, who, process->master_address,
-                           process->master_port)
-                   .c_str(),
-               stderr);
+    if (process->rank == 0)
+        std::fprintf(stderr, "%s: waiting for the other %d of %d processes at %s:%d\n", program.name.c_str(),
+                     process->size - 1, process->size, process->master_address.c_str(), process->master_port);
     return checked([&] {
         ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
@@ -173,11 +169,10 @@ void require_no_runs_below(const fs::path& run_dir) {
     if (!fs::is_directory(run_dir)) return;
     const auto runs = run_folders(run_dir);
     if (runs.empty() && !fs::exists(run_dir / kSweepList)) return;
-    throw ConfigError(
-        fmt::format("--run-dir {}: {} in it; give the run a folder of its own, such as {}", run_dir.string(),
-                    runs.empty() ? "a sweep's runs belong"
-                                 : fmt::format("there are other runs, {} first,", runs.front().string()),
-                    (run_dir / "my_run").string()));
+    throw ConfigError(fmt::format(
+        "--run-dir {}: it holds {}; give the run a folder of its own, such as {}", run_dir.string(),
+        runs.empty() ? "a sweep's runs" : fmt::format("other runs, such as {}", runs.front().string()),
+        (run_dir / "my_run").string()));
 }
 
 /// Refuses a folder that lies in a run's, or holds runs, but for one that was stopped before its first
@@ -370,8 +365,6 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
     try {
         const Outcome outcome = train_on_record(agent, world, settings, options, metadata);
         return outcome == Outcome::interrupted ? kInterrupted : kDone;
-    } catch (const UnreadableNow&) {
-        throw;
     } catch (const DoesNotFit& error) {
         if (changes.empty()) throw;
         throw ResumeError(fmt::format(

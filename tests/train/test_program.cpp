@@ -114,14 +114,14 @@ TEST(ProgramEmulator, AFolderOfRunsIsNoRuns) {
     for (const auto& above : {mine, folder.path().string()}) {
         const auto refused = train_sac(small(above));
         EXPECT_EQ(refused.code, 2);
-        EXPECT_EQ(refused.stderr_text, "train_sac: --run-dir " + above + ": there are other runs, " + run +
-                                           " first, in it; give the run a folder of its own, such as " +
-                                           above + "/my_run\n");
+        EXPECT_EQ(refused.stderr_text, "train_sac: --run-dir " + above + ": it holds other runs, such as " +
+                                           run + "; give the run a folder of its own, such as " + above +
+                                           "/my_run\n");
     }
     const auto sweep = folder.path() / "sweep";
     std::filesystem::create_directory(sweep);
     write_file_atomically(sweep / "sweep_runs.txt", "Pong__sac__1\n");
-    EXPECT_THAT(train_sac(small(sweep)).stderr_text, testing::HasSubstr("a sweep's runs belong in it;"));
+    EXPECT_THAT(train_sac(small(sweep)).stderr_text, testing::HasSubstr(": it holds a sweep's runs;"));
     EXPECT_EQ(train_sac(small(folder.path() / "mine" / "my_run")).code, 0);
 }
 
