@@ -357,20 +357,25 @@ TEST(LitePolicy, RefusesWhatIsNotItsOwn) {
               "an observation has 5 bytes: it must have 756");
 }
 
-TEST(LitePolicy, NumbersThatAreNotFiniteDecideNothing) {
-    auto file = sample_policy(test::action_values(flat()));
-    for (auto& [name, weights] : file.weights)
-        std::ranges::fill(weights, name.ends_with(".weight") ? 3e38F : 0.0F);
+/// The message of a decision on white pixels. All that a black observation gives is 0, however large the
+/// weights.
+std::string decision_on_white(PolicyFile file, Choice choice) {
     std::ranges::fill(file.golden.observation, std::uint8_t{0});
     std::ranges::fill(file.golden.output, 0.0F);
     const auto policy = policy_of(file);
     auto workspace = policy.workspace();
     std::mt19937_64 random(1);
     const std::vector<std::uint8_t> pixels(policy.info().observation_size(), 255);
-    for (const auto choice : {Choice::greedy, Choice::sampled}) {
-        EXPECT_EQ(test::message_of([&] { policy.act(pixels, workspace, choice, random); }),
+    return test::message_of([&] { policy.act(pixels, workspace, choice, random); });
+}
+
+TEST(LitePolicy, NumbersThatAreNotFiniteDecideNothing) {
+    auto file = sample_policy(test::action_values(flat()));
+    for (auto& [name, weights] : file.weights)
+        std::ranges::fill(weights, name.ends_with(".weight") ? 3e38F : 0.0F);
+    for (const auto choice : {Choice::greedy, Choice::sampled})
+        EXPECT_EQ(decision_on_white(file, choice),
                   "the policy's network gives a number that is not finite for this observation");
-    }
 }
 
 /// The first layer gives infinities, and the second their differences: no ReLU and no pooling may take what
@@ -382,13 +387,7 @@ TEST(LitePolicy, NumbersThatAreNotFiniteStaySoInEveryLayer) {
             for (std::size_t i = 0; i < weights.size(); ++i)
                 weights[i] = !parameter.ends_with(".weight") ? 0.0F : i % 2 == 0 ? 3e38F : -3e38F;
         std::ranges::fill(file.weights.at(parameter_shapes(file.network).front().name), 3e38F);
-        std::ranges::fill(file.golden.observation, std::uint8_t{0});
-        std::ranges::fill(file.golden.output, 0.0F);
-        const auto policy = policy_of(file);
-        auto workspace = policy.workspace();
-        std::mt19937_64 random(1);
-        const std::vector<std::uint8_t> pixels(policy.info().observation_size(), 255);
-        EXPECT_EQ(test::message_of([&] { policy.act(pixels, workspace, Choice::greedy, random); }),
+        EXPECT_EQ(decision_on_white(file, Choice::greedy),
                   "the policy's network gives a number that is not finite for this observation")
             << name;
     }
