@@ -166,8 +166,7 @@ int evaluate_policy(const Options& options, torch::Device device) {
     if (options.sampled && !draws(task.policy))
         std::fputs(
             "cale evaluate: --sampled: this policy has action values, which are no distribution, and no "
-            "noise: "
-            "it plays greedily\n",
+            "noise: it plays greedily\n",
             stderr);
     const NewFolder made = make_folder(options, task.policy.info(), task.plan.env);
     const fs::path& folder = made.path();

@@ -10,16 +10,17 @@ const exceptionsModule = new Uint8Array([
     0, 97, 115, 109, 1, 0, 0, 0, 1, 4, 1, 96, 0, 0, 3, 2, 1, 0, 10, 8, 1, 6, 0, 6, 64, 25, 11, 11,
 ]);
 
+// The oldest that have both, and 'wasm-unsafe-eval' in a content security policy.
+const browsers = 'use Chrome or Edge from version 97 on, Firefox from 100, Safari from 16.4.';
+
 /** Returns what this browser lacks, as a sentence; nothing if it lacks nothing. */
 export function missingFeature() {
     if (typeof WebAssembly !== 'object') return 'This browser has no WebAssembly, in which the game runs.';
     if (!WebAssembly.validate(simdModule)) {
-        return 'This browser’s WebAssembly has no SIMD, which the emulator and the policy need: Chrome and Edge have it ' +
-            'from version 91 on, Firefox from 89, Safari from 16.4.';
+        return 'This browser’s WebAssembly has no SIMD, which the emulator and the policy need: ' + browsers;
     }
     if (!WebAssembly.validate(exceptionsModule)) {
-        return 'This browser’s WebAssembly has no exceptions, which the emulator and the policy need: the page runs ' +
-            'in Chrome and Edge from version 97 on, Firefox from 100, Safari from 16.4.';
+        return 'This browser’s WebAssembly has no exceptions, which the emulator and the policy need: ' + browsers;
     }
     return '';
 }
