@@ -34,8 +34,9 @@ std::vector<std::string> files_in(const std::string& folder, std::string_view ki
 }  // namespace
 
 std::vector<std::string> files_of_kind(std::string_view kind) {
-    const auto found = files_in(directory(), kind);
-    return found.empty() ? files_in(CALE_SOURCE_GOLDEN_DIR, kind) : found;
+    for (const auto& folder : {directory(), std::string(CALE_SOURCE_GOLDEN_DIR)})
+        if (auto found = files_in(folder, kind); !found.empty()) return found;
+    throw std::runtime_error("no golden file of the kind " + std::string(kind) + " in " + directory());
 }
 
 std::uint64_t seed(std::string_view case_name, std::string_view name) {

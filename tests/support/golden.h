@@ -18,7 +18,7 @@ std::string directory();
 YAML::Node load(const std::string& file_name);
 
 /// Every file of that folder whose top-level `kind` is this one, sorted by name; where it has none, those of
-/// the copy.
+/// the copy. Throws std::runtime_error where that has none, too.
 std::vector<std::string> files_of_kind(std::string_view kind);
 
 /// FNV-1a 64 of "case/name".
