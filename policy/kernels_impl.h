@@ -53,7 +53,7 @@ struct Loops {
             for (std::size_t v = 0; v < kVectors; ++v) {
                 float* const to = output + p * shape.channels + v * kLanes;
                 Register sum = sums[p][v];
-                // A number that is none stays that, for require_finite() to find.
+                // Keeps NaN, for require_finite() to find.
                 if (shape.store == Store::relu) sum = sum < 0 ? Register{} : sum;
                 if (shape.store == Store::add) sum += load(to);
                 save(to, sum);

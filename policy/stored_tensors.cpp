@@ -142,6 +142,7 @@ StoredTensors stored_tensors(std::string_view file) {
         throw FileDamage({"it has ", number(file.size()), " bytes, too few for a header"});
     std::uint64_t length = 0;
     std::memcpy(&length, file.data(), kLengthSize);
+    // An empty one fits, and is refused as JSON.
     if (length > 0 && !may_be_header(length, file.size())) {
         throw FileDamage({"its header of ", number(length),
                           " bytes does not fit; it is cut off or not a safetensors file"});

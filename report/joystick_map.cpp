@@ -69,7 +69,8 @@ Point direction_of(Event event) {
 
 /// The event of the same region with the button pressed.
 Event with_fire(Event event) {
-    return event == Event::noop ? Event::fire : static_cast<Event>(static_cast<int>(event) + 8);
+    const auto direction = direction_of(event);
+    return event_of(static_cast<int>(direction.x), static_cast<int>(direction.y), true);
 }
 
 Colour region_colour(Point direction) {

@@ -128,7 +128,7 @@ Interval range_of(const std::vector<double>& returns) {
         range = {*lowest, *highest};
     }
     const double room = std::max(1.0, 1e-6 * std::max(std::abs(range.low), std::abs(range.high)));
-    if (range.high - range.low <= 1e-9 * room) range = {range.low - room, range.high + room};
+    if (nearly_equal(range.low, range.high)) range = {range.low - room, range.high + room};
     return range;
 }
 

@@ -59,12 +59,15 @@ std::vector<std::string> tick_texts(const std::vector<double>& ticks) {
     return texts;
 }
 
+bool nearly_equal(double low, double high) {
+    return high - low <= 1e-9 * std::max(std::abs(low), std::abs(high));
+}
+
 Interval room_for(std::span<const double> values) {
     if (values.empty()) return {};
     auto [low, high] = std::minmax_element(values.begin(), values.end());
-    const double span = *high - *low, size = std::max(std::abs(*low), std::abs(*high));
-    // Means of equal numbers may differ in their last digits.
-    const double room = span > 1e-9 * size ? 0.05 * span : std::max(1.0, 0.1 * size);
+    const double size = std::max(std::abs(*low), std::abs(*high));
+    const double room = nearly_equal(*low, *high) ? std::max(1.0, 0.1 * size) : 0.05 * (*high - *low);
     return {*low - room, *high + room};
 }
 

@@ -31,6 +31,9 @@ struct Interval {
     double high = 1;
 };
 
+/// Whether two numbers, low <= high, are alike but for their last digits, as means of equal numbers may be.
+bool nearly_equal(double low, double high);
+
 /// The interval that holds all of `values`, with a little room on either side; never empty.
 Interval room_for(std::span<const double> values);
 
