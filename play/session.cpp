@@ -29,8 +29,9 @@ class Metronome {
     /// The next beat is one later than this, or now.
     void begin() {
         if (beats_per_second_ <= 0) return;
-        next_ +=
-            std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / beats_per_second_));
+        // A slower beat would leave the clock's range.
+        const std::chrono::duration<double> beat(std::min(1 / beats_per_second_, 3600.0));
+        next_ += std::chrono::duration_cast<Clock::duration>(beat);
         next_ = std::max(next_, Clock::now());  // what was missed is not made up for
     }
     /// Waits for the beat, at most kPatience. Returns whether it has come.

@@ -167,7 +167,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     }
     if (rows.seconds.back() > kLongestLog) {
         throw std::runtime_error(
-            fmt::format("{}: it lasts {:.0f} s: at most {:.0f} s can be fitted; are these seconds?",
+            fmt::format("{}: it lasts {:.6g} s: at most {:.0f} s can be fitted; are these seconds?",
                         csv.string(), rows.seconds.back(), kLongestLog));
     }
     if (std::hypot(rows.measured[0].x, rows.measured[0].y) > 0.2)

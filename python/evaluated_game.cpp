@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cale/frames.h"
+#include "cale/games.h"
 #include "cale/random_play.h"
 #include "cale/seeds.h"
 
@@ -29,10 +30,22 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     if (continuous && places_paddle != (env.paddle == Paddle::absolute))
         refuse(places_paddle ? "its actions place a paddle; leave paddle out"
                              : "its actions do not place a paddle; leave paddle out");
+    if (const auto joystick = coordinates(env);
+        continuous && joystick != policy.joystick && joystick != written_coordinates(policy))
+        refuse("it was trained with joystick=" + std::string(name_of(policy.joystick)) +
+               "; leave joystick out");
     if (continuous) return;
-    const Env game(env, /*seed=*/0);
-    if (!std::ranges::equal(game.actions(), policy.actions))
-        refuse("it chooses among other joystick events than " + env.game + " has");
+    for (std::int64_t i = 0; i < std::ssize(games_of(env.game)); ++i) {
+        const auto own = config_of(env, i);
+        const Env game(own, /*seed=*/0);
+        if (!std::ranges::equal(game.actions(), policy.actions))
+            refuse("it chooses among other joystick events than " + own.game +
+                   " has with action_space=" + std::string(name_of(own.action_space)));
+    }
+}
+
+Joystick written_coordinates(const PolicyInfo& policy) {
+    return policy.joystick == Joystick::paddle ? Joystick::paddle : Joystick::polar;
 }
 
 PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int64_t number) {

@@ -31,4 +31,9 @@ PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int6
 /// Throws std::invalid_argument for an environment whose actions or observations are not the policy's.
 void require_playable(const PolicyInfo& policy, const EnvConfig& env);
 
+/// The coordinates of the continuous joystick in which Python has a policy's actions: those of an environment
+/// with its settings, but for cartesian ones and directions, whose way through (r, theta, fire) and back
+/// rounds.
+Joystick written_coordinates(const PolicyInfo& policy);
+
 }  // namespace cale::python

@@ -518,12 +518,6 @@ void check_observations(const PolicyInUse& self, const Array<const std::uint8_t>
     throw std::invalid_argument("the observations have another shape than the policy's");
 }
 
-/// The coordinates that act() writes of the continuous joystick: those of an environment with the policy's
-/// settings, but for cartesian ones and directions, whose way through (r, theta, fire) and back rounds.
-Joystick written_coordinates(const PolicyInfo& info) {
-    return info.joystick == Joystick::paddle ? Joystick::paddle : Joystick::polar;
-}
-
 void act(PolicyInUse& self, const Array<const std::uint8_t>& observations, const std::string& choice,
          const Array<float>& coordinates, const Array<std::int64_t>& actions) {
     const auto count = actions.size();

@@ -109,6 +109,11 @@ void Session::insert_rom(std::string_view bytes) {
 void Session::start(std::string_view changes, std::uint64_t seed) {
     auto config = trained_;
     change(config, changes);
+    if (!holds_joystick(policy().info()) && moves(config.motion) && !reaches_every_event(config)) {
+        throw std::invalid_argument(
+            "this policy chooses among joystick events, which a joystick that moves can only reach with a "
+            "threshold below 0.7071 and event_map=symmetric: change these");
+    }
     Env made(config, derive_seed(seed, "play", 0));  // a game under way is kept where this one is refused
     env_ = std::move(made);
     const auto space = observation_space(config);

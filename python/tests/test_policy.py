@@ -47,6 +47,15 @@ def test_the_joystick_is_that_which_act_writes(repository):
     for make in (policy.make_vec, policy.make_env):
         with pytest.raises(ValueError, match="joystick=cartesian: this policy's act.. writes polar coordinates"):
             make(joystick="cartesian")
+        with pytest.raises(ValueError, match="cannot play there: it sees other observations"):
+            make(frame_stack=4)
+        with pytest.raises(ValueError, match="cannot play there: it was trained with action_space=continuous"):
+            make(action_space="full")
+        with pytest.raises(FileNotFoundError, match="road_runner.bin is not in /nowhere"):
+            make(rom_dir="/nowhere").reset()
+    assert policy.make_vec(num_envs=2, copy=False, autoreset_mode="SAME_STEP", render_mode="rgb_array").num_envs == 2
+    with pytest.raises(ValueError, match="cannot play there: it was trained with joystick=cartesian; leave joystick out"):
+        cale.evaluate(policy, games=1, joystick="direction")
 
 
 def test_a_policy_draws_what_its_seed_says(repository):

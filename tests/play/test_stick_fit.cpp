@@ -152,6 +152,7 @@ TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n0.4,0,0,0,0\n"), HasSubstr("shorter than half a second"));
     EXPECT_THAT(error_of(header), HasSubstr("shorter than half a second"));
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n5000,1,0,1,0\n"), HasSubstr("lasts 5000 s"));
+    EXPECT_THAT(error_of(header + "0,0,0,0,0\n1e300,1,0,1,0\n"), HasSubstr("lasts 1e+300 s"));
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n1,0,0,0,0\n1,0,0,0,0\n"),
                 HasSubstr("log.csv:4: the seconds must increase from row to row"));
     EXPECT_THAT(error_of(header + "0,0,0,0,0\n1,512,0,0,0\n"), HasSubstr("log.csv:3: (512, 0) is more than"));

@@ -18,6 +18,7 @@ from cale._settings import rom_hint, text_of, texts_of
 from cale._vector_env import VectorEnv
 
 _EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
+_OF_GYMNASIUM = ("autoreset_mode", "copy", "render_mode")  # arguments of environments that are no settings
 
 
 class Policy:
@@ -38,7 +39,8 @@ class Policy:
         `settings` takes them. Where the network chooses coordinates they are (r, theta, fire), whatever these are,
         or (position, fire) of an absolute paddle; of a factored policy its three choices; else numbers of actions.
 
-        choice: "greedy", "sampled" (drawn from the policy), or "as_evaluated", as its training's evaluations did.
+        choice: "greedy", "sampled" (drawn from the policy; of action values nothing is drawn but the noise of noisy
+            layers), or "as_evaluated", as its training's evaluations did.
         """
         batch, single = self._batch(observations)
         count = len(batch)
@@ -83,7 +85,7 @@ class Policy:
 
     def make_vec(self, num_envs: int = 1, **changes: Any) -> VectorEnv:
         """Returns N environments like the one that the policy was trained in, with `changes`. Throws ValueError for
-        another `joystick`, whose coordinates `act()` does not write."""
+        actions or observations that are not the policy's."""
         return VectorEnv(num_envs=num_envs, **self._changed(changes))
 
     def make_env(self, **changes: Any) -> Env:
@@ -95,7 +97,15 @@ class Policy:
         written = settings.get("joystick", "polar")
         if (asked := text_of("joystick", changes.get("joystick", written))) != written:
             raise ValueError(f"joystick={asked}: this policy's act() writes {written} coordinates")
-        return {**settings, **changes}
+        changed = {**settings, **changes}
+        self._require_playable({name: value for name, value in changed.items() if name not in _OF_GYMNASIUM})
+        return changed
+
+    def _require_playable(self, settings: dict[str, Any]) -> None:
+        try:
+            _core.require_playable(self._core, texts_of(settings))
+        except RuntimeError as error:
+            raise rom_hint(error) from None
 
     def __repr__(self) -> str:
         return f"Policy({str(self.file)!r}): {self.info['agent']} on {self.info['game']}"
@@ -167,7 +177,7 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
 
     epsilon: probability of a uniformly random action instead of the policy's.
     noop_max: a game begins with 0 to this many no-op agent steps.
-    sampled: whether actions are drawn from the policy; None: as its training's evaluations did.
+    sampled: whether actions are drawn from the policy, as `Policy.act` does it; None: as its training's evaluations did.
     threads: games under way at a time; None: as many as there are cores for this process.
     """
     policy = policy if isinstance(policy, Policy) else Policy(policy)
@@ -184,10 +194,11 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
         warnings.warn(f"terminal_on_life_loss={asked} is not applied: as in this policy's training ({life_loss}), a lost life "
                       f"{'clears' if life_loss == 'true' else 'does not clear'} its frame stack; no game ends with a life",
                       stacklevel=2)
-    texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
+    played = {**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss}
+    policy._require_playable(played)
+    texts = texts_of(played)
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
     try:
-        _core.require_playable(policy._core, texts)
         with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
             results = list(pool.map(
                 lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
