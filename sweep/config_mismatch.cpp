@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <exception>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
@@ -91,6 +92,31 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
             "its files do not say what it was trained with ({}); put that back, or remove the run's folder",
             error.what());
     }
+}
+
+std::optional<std::string> started_otherwise(const PlannedRun& planned, const fs::path& folder) {
+    SettingTexts started;
+    std::string schedule_over_run;
+    try {
+        started = settings_in(read_file(folder / "config.yaml"));
+        schedule_over_run = metadata_text(folder, "schedule_over_run");
+    } catch (const std::exception&) {
+        return std::nullopt;  // nothing is written yet
+    }
+    std::string text;
+    for (const auto& [key, now] : started) {
+        const auto* before = planned_value(planned, key);
+        if (before == nullptr || same_value(*before, now)) continue;
+        auto different = change_of_run(key, *before, now, schedule_over_run);
+        if (different.empty() && key == "train.total_steps")
+            different = fmt::format("{} was {} and is now {}", key, *before, now);
+        if (!different.empty()) text += (text.empty() ? "" : ", ") + different;
+    }
+    if (text.empty()) return "";
+    return fmt::format(
+        "its program read other settings than the sweep: {}; a file of its configuration was changed "
+        "meanwhile, so start the sweep again",
+        text);
 }
 
 RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -18,6 +19,12 @@ namespace cale {
 /// gone no further. The comparison uses the run's config.yaml, which includes changes accepted on resume
 /// (--accept-changes).
 std::string config_mismatch(const PlannedRun& planned, const std::filesystem::path& folder);
+
+/// Returns how the settings that a program wrote into the run's folder when it began differ from the planned
+/// ones, in one sentence with the remedy: a file of its configuration was changed after the sweep had read
+/// it. Settings that change no result may differ, train.total_steps may not. Empty where nothing differs,
+/// nothing where none can be read yet.
+std::optional<std::string> started_otherwise(const PlannedRun& planned, const std::filesystem::path& folder);
 
 /// Returns a line "# refused: ..." for each run that has such a reason. `folder` is the sweep's.
 std::string refused_lines(std::span<const PlannedRun> runs, const std::filesystem::path& folder);

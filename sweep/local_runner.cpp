@@ -60,6 +60,9 @@ struct Job {
     pid_t process = 0;
     bool waits = false;     // for another process
     bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
+    // Whether its settings have been compared with the planned ones, and how they differ.
+    bool compared = false;
+    std::string refusal{};
     std::size_t slot = 0;
 };
 
@@ -133,9 +136,7 @@ class LocalRunner {
         }
         // Another sweep may have been at work while this one waited.
         if (const auto reason = config_mismatch(planned, job.folder); !reason.empty()) {
-            job.status.state = RunPhase::refused;
-            job.status.message = reason;
-            return say("REFUSED", job, reason);
+            return refuse(job, reason);
         }
         if (is_finished(job.folder, planned.end)) {
             job.status.state = RunPhase::finished;
@@ -153,6 +154,7 @@ class LocalRunner {
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();
         job.listened = false;
+        job.compared = checkpoint.has_value();  // above; and the program does so itself as it resumes
         job.slot = slot;
         job.started = Clock::now();
         job.started_at = checkpoint.value_or(0);
@@ -163,9 +165,25 @@ class LocalRunner {
         // The child has the claim now; this process lets go of it.
     }
 
+    void refuse(Job& job, const std::string& reason) {
+        job.status.state = RunPhase::refused;
+        job.status.message = reason;
+        say("REFUSED", job, reason);
+    }
+
+    /// A program reads its configuration's files when it starts, hours after the sweep may have read them.
+    void compare_settings(Job& job) {
+        if (job.compared) return;
+        const auto refusal = started_otherwise(*job.planned, job.folder);
+        job.compared = refusal.has_value();
+        job.refusal = refusal.value_or("");
+    }
+
     void reap() {
         std::vector<std::pair<Job*, ChildEnd>> ended;
         for (Job* job : active_) {
+            compare_settings(*job);
+            if (!job->refusal.empty()) ::kill(job->process, SIGKILL);  // it has only begun
             job->listened = job->listened || catches(job->process, SIGTERM);
             if (const auto end = poll_child(job->process)) ended.emplace_back(job, *end);
         }
@@ -178,6 +196,8 @@ class LocalRunner {
 
     void record_end(Job& job, const ChildEnd& end) {
         job.status = status_of(job.folder, job.planned->end);
+        compare_settings(job);
+        if (!job.refusal.empty()) return refuse(job, std::exchange(job.refusal, {}));
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();

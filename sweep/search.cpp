@@ -156,6 +156,20 @@ std::map<std::string, std::string> settings_for_config(const Search& search, std
     return settings;
 }
 
+/// Whether one of these runs, which have just been trained, was none of the planned ones; says which.
+bool other_than_planned(const Search& search, std::span<const PlannedRun> runs, std::FILE* out) {
+    bool any = false;
+    for (const auto& planned : runs) {
+        const auto folder = search.folder / planned.run.name;
+        const auto reason = newest_checkpoint(folder) ? config_mismatch(planned, folder)
+                                                      : started_otherwise(planned, folder).value_or("");
+        if (reason.empty()) continue;
+        fmt::print(out, "# refused: {}: {}\n", planned.run.name, printable(reason));
+        any = true;
+    }
+    return any;
+}
+
 bool has_score(const SampleScore& sample) {
     return std::ranges::any_of(sample.scores, [](const auto& entry) { return entry.second.has_value(); });
 }
@@ -221,6 +235,12 @@ void rank(std::vector<SampleScore>& samples) {
 }
 
 void check_search(const Search& search) {
+    const auto first = search.sweep.search->first_steps;
+    if (search.method == SearchMethod::halving && first && *first >= length_of(search))
+        throw ConfigError(
+            fmt::format("{}: first_steps of 'search:' is {}, and train.total_steps {}, so that nothing would "
+                        "be halved: make first_steps less, or say --search random",
+                        search.sweep.name, *first, length_of(search)));
     for (const auto& planned : search.runs) {
         if (planned.end.total_steps != length_of(search))
             throw ConfigError(
@@ -261,6 +281,7 @@ std::vector<PlannedRun> next_runs(const Search& search) {
 int run_search(const Search& search, std::FILE* out) {
     check_search(search);
     if (refuse_others(search, out)) return kFailed;
+    fs::remove(search.folder / "search_best.yaml");  // of an earlier search, perhaps of fewer samples
     std::vector<PlannedRun> left(search.runs.begin(), search.runs.end());
     std::vector<SampleScore> dropped;
     int exit_code = kDone;
@@ -268,6 +289,7 @@ int run_search(const Search& search, std::FILE* out) {
         const auto runs = paused_at(left, steps);
         const int code = search.train(runs);
         if (code == kInterrupted) return code;
+        if (code != kDone && other_than_planned(search, runs, out)) return code;
         exit_code = std::max(exit_code, code);
 
         auto rung = compare_rung(search, runs, steps);

@@ -88,15 +88,20 @@ std::size_t largest_array() {
     return kUsualArraySize;
 }
 
+/// Throws ConfigError for a name that no directive of Slurm's can have in quotes.
+void check_quotable(const std::string& name, std::string_view what, std::string_view kind) {
+    if (name.find_first_of("\"\n") == name.npos) return;
+    throw ConfigError(fmt::format(
+        "{} {}: a directive of Slurm's takes no {} with a quote or a line break in its name; choose "
+        "another",
+        what, printable(name), kind));
+}
+
 /// As the value of a directive in quotes, where Slurm replaces %j and the like.
 std::string in_quotes(const std::string& path) {
+    check_quotable(path, "--dir", "folder");
     std::string text;
     for (const char c : path) {
-        if (c == '"' || c == '\n')
-            throw ConfigError(
-                fmt::format("--dir {}: a directive of Slurm's takes no folder with a "
-                            "quote or a line break in its name; choose another",
-                            printable(path)));
         text += c;
         if (c == '%') text += c;
     }
@@ -138,6 +143,7 @@ std::string slurm_script(const fs::path& folder, std::span<const std::string> na
     std::string script =
         "#!/bin/bash\n# Written by cale sweep --launcher slurm: a task for each of the runs below.\n";
     const auto directive = [&](const std::string& option) { script += fmt::format("#SBATCH {}\n", option); };
+    check_quotable(options.name, "sweep", "sweep");
     directive(fmt::format("--job-name=\"{}\"", options.name));
     directive(fmt::format("--array=0-{}{}", names.size() - 1,
                           options.at_once > 0 ? fmt::format("%{}", options.at_once) : ""));

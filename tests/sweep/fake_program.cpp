@@ -60,7 +60,8 @@ finish() {
 if [ -n "$resume" ]; then echo resumed; else echo "started with $(ls "$dir" | tr '\n' ' ')"; fi
 echo "{}" >"$dir/metadata.json"
 [ -e "$dir/episodes.csv" ] || printf '#{}\nr,global_step\n' >"$dir/episodes.csv"
-config >"$dir/config.yaml"
+config >"$dir/config.yaml.tmp-1"
+mv "$dir/config.yaml.tmp-1" "$dir/config.yaml"
 case $mode in
     fast) finish ;;
     slow)

@@ -106,6 +106,19 @@ TEST_F(LocalSweep, AFailureIsTriedAgainAndStopsNobody) {
     EXPECT_THAT(said(), HasSubstr("4 runs: 2 finished, 2 failed\n"));
 }
 
+TEST_F(LocalSweep, ARunThatBeginsWithOtherSettingsThanPlannedIsStopped) {
+    auto runs = fake_.runs({"slow", "fast", "fast"});
+    const auto other = std::make_shared<const SettingTexts>(SettingTexts{{"agent.loss", "mse"}});
+    runs[0].base = runs[1].base = other;  // as if a file had said so when the sweep read it
+    runs[2].base = std::make_shared<const SettingTexts>(SettingTexts{{"agent.loss", "huber"}});
+    EXPECT_EQ(run(runs), 1);
+    for (const std::string name : {"slow_0", "fast_1"})
+        EXPECT_THAT(said(), HasSubstr(" REFUSED    " + name +
+                                      "  its program read other settings than the sweep: agent.loss was mse "
+                                      "and is now huber; a file of its configuration was changed meanwhile"));
+    EXPECT_THAT(said(), HasSubstr("3 runs: 1 finished, 2 refused\n"));
+}
+
 TEST_F(LocalSweep, ARunThatDivergesIsNotTriedAgain) {
     EXPECT_EQ(run(fake_.runs({"diverge"})), 1);
     EXPECT_EQ(fake_.output("diverge_0"), "started with output.log \na loss became nan\n");

@@ -361,6 +361,32 @@ TEST_F(HalvingSearch, NothingIsTrainedWhereARunHasOtherSettings) {
     EXPECT_THAT(folder_.read("said"), HasSubstr("# refused: " + run.name + ": trained with other settings"));
 }
 
+TEST_F(HalvingSearch, WithoutAHalvingIsRefused) {
+    sweep_.search->first_steps = 400;
+    EXPECT_THAT(
+        test::error_of<ConfigError>([&] { search(); }),
+        HasSubstr("mine: first_steps of 'search:' is 400, and train.total_steps 400, so that nothing would"));
+    EXPECT_EQ(search(SearchMethod::random), 0);
+}
+
+TEST_F(HalvingSearch, AnOlderResultDoesNotOutliveOneWithoutAWinner) {
+    folder_.write("search_best.yaml", "# of fewer samples");
+    ends_no_game_ = true;
+    EXPECT_EQ(search(), 0);
+    EXPECT_FALSE(fs::exists(folder_ / "search_best.yaml"));
+}
+
+TEST_F(HalvingSearch, RunsThatReadOtherSettingsAreNotCompared) {
+    sweep_.search->first_steps = 100;
+    fails_ = 1;
+    folder_.write(runs_.front().run.name + "/metadata.json", "{}");
+    folder_.write(runs_.front().run.name + "/config.yaml", "agent: {rate: 7}\n");  // of sample 1
+    EXPECT_EQ(search(), 1);
+    EXPECT_THAT(trained_, ElementsAre("100: 1 2 3 4 5"));
+    EXPECT_THAT(folder_.read("said"),
+                HasSubstr(": its program read other settings than the sweep: agent.rate"));
+}
+
 TEST_F(HalvingSearch, RunsOfDifferentLengthsAreNotCompared) {
     runs_.back().end.total_steps = 500;
     EXPECT_THAT(test::error_of<ConfigError>([&] { search(); }),

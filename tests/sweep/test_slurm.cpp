@@ -80,6 +80,10 @@ TEST_F(Slurm, TheScriptIsAnArrayWithATaskForEachRun) {
           "/cale sweep 'my file.yaml' --only \"${runs[$SLURM_ARRAY_TASK_ID]}\" &\n"})
         EXPECT_THAT(script, HasSubstr(line));
     EXPECT_THAT(slurm_script("/100%j", names, wanted), HasSubstr("--output=\"/100%%j/slurm/%A_%a.out\"\n"));
+    auto quoted = wanted;
+    quoted.name = "a\"b";
+    EXPECT_THAT(test::error_of<ConfigError>([&] { slurm_script("/a", names, quoted); }),
+                HasSubstr("sweep a\"b: a directive of Slurm's takes no sweep with a quote"));
     EXPECT_THAT(test::error_of<ConfigError>([&] { slurm_script("/a \"b\"", names, wanted); }),
                 HasSubstr("takes no folder with a quote or a line break in its name"));
 }
