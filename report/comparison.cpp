@@ -398,6 +398,17 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
     std::vector<Note> notes;
     if (auto lengths = lengths_text(comparison.groups); !lengths.empty())
         notes.push_back({fmt::format("Groups have runs of different lengths, in agent steps: {}.", lengths)});
+    std::vector<std::string> of_many_protocols;
+    for (const auto& group : comparison.groups) {
+        std::set<std::string> protocols;
+        for (const auto& run : group.runs) protocols.insert(setting_of(run, "evaluation"));
+        if (protocols.size() > 1) of_many_protocols.push_back(group.label);
+    }
+    add_labels(
+        notes,
+        "Groups have runs that were evaluated in different ways ('evaluation' in settings.csv; --group-by "
+        "evaluation tells them apart)",
+        of_many_protocols);
     add_labels(
         notes,
         "Games are cut off earlier than published ones (env.max_frames_per_episode), so that "
@@ -425,7 +436,8 @@ std::string runs_are(std::size_t count) {
 }
 
 std::vector<Note> notes_on_runs(const Comparison& comparison) {
-    std::vector<std::string> unfinished, doubts;
+    std::vector<std::string> unfinished, doubts, chosen;
+    std::map<std::string, std::size_t> choices;  // how many runs have it
     for (const auto& group : comparison.groups) {
         for (const auto& run : group.runs) {
             if (!run.finished)
@@ -434,8 +446,11 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
                     run.settings.contains("evaluation") ? "was evaluated too early" : "is unfinished",
                     run.reached, run.total_steps));
             doubts.insert(doubts.end(), run.doubts.begin(), run.doubts.end());
+            if (!run.chosen_evaluation.empty()) ++choices[run.chosen_evaluation];
         }
     }
+    for (const auto& [choice, runs] : choices)
+        chosen.push_back(fmt::format("{} ({})", choice, counted(runs, "run")));
     std::vector<Note> notes;
     const auto add = [&](std::string text, std::vector<std::string> items) {
         if (!items.empty()) notes.push_back({std::move(text), std::move(items)});
@@ -445,6 +460,9 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
                     runs_are(comparison.left_out_runs.size())),
         sentences(comparison.left_out_runs));
     add("Runs that count as far as they got:", std::move(unfinished));
+    add("Runs that have several evaluations of their newest checkpoint, of which the one with the most games "
+        "counts (to choose another, move the others' folders out of evaluations/):",
+        std::move(chosen));
     add("Scores that may be of an earlier time than the others, or lack something:", std::move(doubts));
     if (comparison.config.group_by.empty())
         add("Settings that only some runs of an agent have, which are groups of their own (runs of another "

@@ -211,7 +211,8 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
         comparison.config.score == ScoreKind::training
             ? "the mean return of the games in the last tenth of its training, or in the last 250,000 agent "
               "steps if that is less, exploration included"
-            : "the mean return of its newest evaluation",
+            : "the mean return of its newest evaluation; of several of one checkpoint, the one with the most "
+              "games",
         has_intervals(comparison)
             ? fmt::format(
                   "Intervals are {:g} % percentile intervals of a stratified bootstrap: {} resamples, {} for "

@@ -20,8 +20,16 @@ constexpr std::array<Colour, 7> kSeriesColours{{
     {0x6f, 0x6f, 0x6f},  // for their black, which text has
 }};
 
-bool series_dashed(std::size_t index) {
-    return index / kSeriesColours.size() % 2 == 1;
+/// A line of a group, still without points.
+Line series_line(std::size_t index, double width) {
+    const auto round = index / kSeriesColours.size() % (1 + kDashes.size());
+    Line line{.points = {},
+              .colour = series_colour(index),
+              .width = width,
+              .of = {.series = static_cast<int>(index)}};
+    line.dashed = round > 0;
+    if (line.dashed) line.pattern = round - 1;
+    return line;
 }
 
 void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value) {
@@ -145,19 +153,17 @@ void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, d
 
 void draw_curve(Picture& picture, const Panel& panel, const std::vector<double>& x,
                 const std::vector<Estimate>& y, std::size_t series, bool with_band) {
-    std::vector<Point> line, band;
-    std::vector<Sample> samples;
+    auto line = series_line(series, 2);
+    std::vector<Point> band;
     for (std::size_t i = 0; i < x.size(); ++i) {
-        samples.push_back(
+        line.samples.push_back(
             {x[i], y[i].value, with_band ? y[i].low : y[i].value, with_band ? y[i].high : y[i].value});
-        line.push_back({panel.to_x(x[i]), panel.to_y(y[i].value)});
+        line.points.push_back({panel.to_x(x[i]), panel.to_y(y[i].value)});
         band.push_back({panel.to_x(x[i]), panel.to_y(y[i].high)});
     }
     for (std::size_t i = x.size(); i-- > 0;) band.push_back({panel.to_x(x[i]), panel.to_y(y[i].low)});
-    const auto colour = series_colour(series);
-    const Belonging of{.series = static_cast<int>(series)};
-    if (with_band) picture.areas.push_back({band, colour, 0.18, of});
-    picture.lines.push_back({line, colour, 2, series_dashed(series), of, std::move(samples)});
+    if (with_band) picture.areas.push_back({band, line.colour, 0.18, line.of});
+    picture.lines.push_back(std::move(line));
 }
 
 double draw_legend(Picture& picture, const std::vector<std::string>& names, double left, double right,
@@ -171,10 +177,11 @@ double draw_legend(Picture& picture, const std::vector<std::string>& names, doub
             x = left;
             y += kRow;
         }
-        const Belonging of{.series = static_cast<int>(i)};
-        picture.lines.push_back({{{x, y}, {x + kSample, y}}, series_colour(i), 3, series_dashed(i), of});
+        auto line = series_line(i, 3);
+        line.points = {{x, y}, {x + kSample, y}};
         picture.words.push_back(
-            {names[i], {x + kSample + kGap, y + 4}, kInk, kSize, Anchor::start, false, of});
+            {names[i], {x + kSample + kGap, y + 4}, kInk, kSize, Anchor::start, false, line.of});
+        picture.lines.push_back(std::move(line));
         x += width + kBetween;
     }
     return y + kRow / 2 - top;

@@ -17,7 +17,8 @@ inline constexpr Colour kFaintInk{0x6b, 0x73, 0x80};
 inline constexpr Colour kGrid{0xe6, 0xe9, 0xed};
 
 /// The colour of the group with this index: colours that the colour-blind tell apart (Okabe and Ito 2008,
-/// without their yellow, which is too faint on white). The lines of every second seven groups are dashed.
+/// without their yellow, which is too faint on white). The lines of the first seven groups are solid, those
+/// of each seven after them dashed in another way, 28 in all.
 Colour series_colour(std::size_t index);
 
 /// Between `low` and `high`, inclusive, about `count` multiples of 1, 2 or 5 times a power of ten.

@@ -78,9 +78,10 @@ std::vector<cv::Point> fixed_points(const std::vector<Point>& points) {
     return fixed;
 }
 
-/// Six pixels of line, four without.
-std::vector<std::vector<Point>> dashes(const std::vector<Point>& points) {
-    constexpr double kDash = 6, kPeriod = 10;
+/// The strokes of a dashed line.
+std::vector<std::vector<Point>> dashes(const std::vector<Point>& points,
+                                       const std::array<double, 2>& pattern) {
+    const double dash = pattern[0], period = pattern[0] + pattern[1];
     std::vector<std::vector<Point>> pieces;
     double walked = 0;
     bool drawing = false;
@@ -91,9 +92,9 @@ std::vector<std::vector<Point>> dashes(const std::vector<Point>& points) {
             return Point{a.x + distance / length * (b.x - a.x), a.y + distance / length * (b.y - a.y)};
         };
         for (double done = 0; done < length;) {
-            const double phase = std::fmod(walked, kPeriod);
-            const bool on = phase < kDash;
-            const double step = std::min(length - done, (on ? kDash : kPeriod) - phase + 1e-9);
+            const double phase = std::fmod(walked, period);
+            const bool on = phase < dash;
+            const double step = std::min(length - done, (on ? dash : period) - phase + 1e-9);
             if (on && !drawing) pieces.push_back({at(done)});
             if (on) pieces.back().push_back(at(done + step));
             drawing = on;
@@ -110,7 +111,7 @@ void draw(cv::Mat& image, const Line& line) {
         cv::polylines(image, points, false, bgr(line.colour), thickness, cv::LINE_AA, kFixedPointBits);
     };
     if (line.dashed) {
-        for (const auto& dash : dashes(line.points)) stroke(fixed_points(dash));
+        for (const auto& dash : dashes(line.points, kDashes[line.pattern])) stroke(fixed_points(dash));
     } else {
         stroke(fixed_points(line.points));
     }
@@ -238,10 +239,12 @@ std::string to_svg(const Picture& picture, bool with_data) {
     const auto out = std::back_inserter(svg);
     for (const auto& area : picture.areas) svg += svg_element(area, with_data);
     for (const auto& line : picture.lines) {
+        const auto [dash, space] = kDashes[line.pattern];
         fmt::format_to(out,
                        "<polyline fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" "
                        "stroke-linejoin=\"round\"{}{}{} points=\"{}\"/>\n",
-                       to_hex(line.colour), line.width, line.dashed ? " stroke-dasharray=\"6 4\"" : "",
+                       to_hex(line.colour), line.width,
+                       line.dashed ? fmt::format(" stroke-dasharray=\"{} {}\"", dash, space) : "",
                        with_data ? data_of(line.of) : "", with_data ? data_of(line.samples) : "",
                        svg_points(line.points));
     }

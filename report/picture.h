@@ -2,6 +2,8 @@
 // papers, PNG for pages that show no SVG.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -42,7 +44,11 @@ struct Line {
     bool dashed = false;
     Belonging of{};
     std::vector<Sample> samples{};  // of a curve, by point
+    std::size_t pattern = 0;        // which of kDashes, where it is dashed
 };
+
+/// Patterns of a dashed line: a stroke and the space behind it.
+inline constexpr std::array<std::array<double, 2>, 3> kDashes{{{6, 4}, {2, 3}, {14, 5}}};
 
 /// A filled polygon.
 struct Area {

@@ -237,6 +237,7 @@ struct Protocol {
 struct Evaluations {
     fs::path folder{};
     Protocol protocol{};
+    std::vector<std::string> others{};  // folders of those of the same checkpoint that do not count
 };
 
 nlohmann::ordered_json read_protocol_object(const fs::path& path) {
@@ -266,7 +267,8 @@ std::optional<Protocol> read_protocol(const fs::path& path) {
 }
 
 /// Those that `cale evaluate` made of a folder of runs: the ones of the newest checkpoint, of several the
-/// ones that asked for the most games, which are the same of all runs. Else those that the run made itself.
+/// ones that asked for the most games, of equals the first by name, which are the same of all runs. Else
+/// those that the run made itself.
 Evaluations evaluations_of(const fs::path& run) {
     Evaluations best{.folder = run / "eval"};
     std::optional<std::int64_t> best_step;
@@ -279,10 +281,16 @@ Evaluations evaluations_of(const fs::path& run) {
         const auto step = step_in(files.back(), ".csv");
         if (step < best_step) continue;
         const auto protocol = read_protocol(folder / "protocol.json");
-        if (!protocol || (step == best_step && protocol->games <= best.protocol.games)) continue;
-        best = {folder, *protocol};
+        if (!protocol) continue;
+        const bool is_newer = step > best_step;
+        auto others = is_newer ? std::vector<std::string>() : std::move(best.others);
+        const bool counts = is_newer || protocol->games > best.protocol.games;
+        if (!is_newer) others.push_back((counts ? best.folder : folder).filename().string());
+        if (counts) best = {.folder = folder, .protocol = *protocol};
+        best.others = std::move(others);
         best_step = step;
     }
+    std::ranges::sort(best.others);
     return best;
 }
 
@@ -293,6 +301,9 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
             "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
             "runs, such as cale evaluate runs");
     run.settings["evaluation"] = evaluations.protocol.text;
+    if (!evaluations.others.empty())
+        run.chosen_evaluation = fmt::format("{} counts, not {}", evaluations.folder.filename().string(),
+                                            fmt::join(evaluations.others, ", "));
     for (const auto& path : files) {
         const auto table = read_whole_csv(path);
         const auto column = table.find("return");

@@ -55,6 +55,9 @@ struct Run {
     bool in_sweep_list = false;  // see FoundRuns::missing
     // Why the score may not be what it is called: sentences that name the file.
     std::vector<std::string> doubts{};
+    // "A counts, not B": which of several evaluations of the same checkpoint the score is of, by their
+    // folders; empty where there is one.
+    std::string chosen_evaluation{};
     // By Event, adding up to 1: of all its training or of the newest evaluation that recorded them, as the
     // score is. Empty where none was recorded.
     std::vector<double> event_shares{};

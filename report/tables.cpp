@@ -203,8 +203,11 @@ void add_scores(const Comparison& comparison, std::vector<TextFile>& files) {
                 const bool compares = game.game->human_score && !(run->env && is_variant(*run->env));
                 const auto normalised =
                     compares ? fmt::format("{}", human_normalised(run->score(), *game.game)) : std::string();
-                csv.row(group.label, run->agent, game.game->name, run->seed, run->steps.back(),
-                        run->games_in_score, run->score(), normalised, run->folder.string());
+                // How many games are behind a recorded score is not known.
+                const auto games =
+                    run->recorded_as.empty() ? fmt::format("{}", run->games_in_score) : std::string();
+                csv.row(group.label, run->agent, game.game->name, run->seed, run->steps.back(), games,
+                        run->score(), normalised, run->folder.string());
             }
         }
     }

@@ -223,7 +223,8 @@ void add_report(CLI::App& app) {
         .add_option(
             "--score", options->score,
             "training: the games of the newest iteration, as the paper has it: a tenth of the run, 250,000 "
-            "agent steps at most; evaluation: the newest evaluation")
+            "agent steps at most; evaluation: that of the newest checkpoint; of several, "
+            "the one with the most games")
         ->transform(one_of({"training", "evaluation"}))
         ->type_name("NAME");
     command.add_option("--resamples", config.bootstrap.resamples, "resamples of the bootstrap")

@@ -152,6 +152,27 @@ TEST_F(Comparing, SaysWhatTheSettingsOfRunsMakeOfTheirScores) {
     EXPECT_THAT(lines, Contains(testing::MatchesRegex("Runs end before the first update .*: sac\\.")));
 }
 
+TEST_F(Comparing, SaysHowRunsOfAGroupWereEvaluated) {
+    const std::string game = "episode,return,length,frames\n0,7,1,4\n";
+    folders_.run("a", "sac", "Pong", 1, {-20});
+    folders_.run("b", "sac", "Pong", 2, {-20});
+    folders_.write("a/eval/step_000000100.csv", game);
+    for (const auto* way : {"greedy", "sampled"}) {
+        folders_.write(fmt::format("b/evaluations/{}/protocol.json", way),
+                       R"({"games": 1, "choice": "any"})");
+        folders_.write(fmt::format("b/evaluations/{}/step_000000100.csv", way), game);
+    }
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    config.score = ScoreKind::evaluation;
+    const auto lines = lines_of(compared({}, config).notes);
+    EXPECT_THAT(lines,
+                Contains(testing::MatchesRegex("Groups .* were evaluated in different ways .*: sac\\.")));
+    EXPECT_THAT(lines, Contains(HasSubstr("greedy counts, not sampled (1 run)")));
+    config.score = ScoreKind::training;
+    EXPECT_THAT(lines_of(compared({}, config).notes), Not(Contains(HasSubstr("evaluated"))));
+}
+
 TEST_F(Comparing, RunsOfDifferentLengthsInAGroupAreNamed) {
     folders_.run("a", "sac", "Pong", 1, {-20}, "train: {total_steps: 100}\n");
     folders_.run("b", "sac", "Pong", 2, {-20, -19}, "train: {total_steps: 200}\n");

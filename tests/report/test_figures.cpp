@@ -7,6 +7,10 @@
 #include <cmath>
 #include <iterator>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "cale/action.h"
 #include "report/joystick_map.h"
@@ -106,6 +110,17 @@ std::vector<std::string> names_of(const std::vector<Figure>& all) {
     std::vector<std::string> names;
     for (const auto& figure : all) names.push_back(figure.name);
     return names;
+}
+
+TEST(Legend, HasALineOfItsOwnForEachOfTwentyEightGroups) {
+    Picture picture;
+    draw_legend(picture, std::vector<std::string>(28, "a"), 0, 500, 0);
+    const auto svg = to_svg(picture);
+    std::set<std::string> lines;
+    constexpr std::string_view begin = "<polyline fill=\"none\" ";
+    for (auto at = svg.find(begin); at != svg.npos; at = svg.find(begin, at + 1))
+        lines.insert(svg.substr(at, svg.find(" points=", at) - at));
+    EXPECT_EQ(lines.size(), 28);
 }
 
 TEST_F(Figures, AreAllThereAndTidy) {

@@ -130,6 +130,11 @@ TEST_F(Recorded, ComparesAsTheRunsDid) {
     EXPECT_EQ(here.random_floors.size(), 1U) << "its rules are known";
     EXPECT_EQ(setup_table(here).rows[1][2], "Atari 100k");
     EXPECT_TRUE(here.is_complete());
+    const auto files = csv_files(here);
+    const auto scores = std::ranges::find(files, "scores.csv", &TextFile::name);
+    ASSERT_NE(scores, files.end());
+    EXPECT_THAT(scores->text, HasSubstr("\nsac,sac,Pong,2,1000,,3,"))
+        << "how many games that is of is not known";
 }
 
 TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {

@@ -496,6 +496,8 @@ TEST_F(Runs, AreScoredByTheEvaluationsOfCaleEvaluateBeforeTheirOwn) {
     EXPECT_EQ(chosen[0].score(), -18) << "of games as many as were asked for count, not as were played";
     EXPECT_THAT(chosen[0].steps, ElementsAre(100));
     EXPECT_EQ(chosen[0].games_in_score, 2);
+    EXPECT_EQ(chosen[0].chosen_evaluation, "fixed_episodes-0 counts, not fixed_episodes-1, fixed_steps-0");
+    EXPECT_EQ(chosen[1].chosen_evaluation, "") << "it has one";
     EXPECT_EQ(chosen[0].settings.at("evaluation"), "protocol fixed_episodes, games 2");
     EXPECT_THAT(chosen[0].event_shares, Contains(1.0));
     EXPECT_THAT(group_runs(chosen, {}), SizeIs(2)) << "runs that were evaluated otherwise are another group";
@@ -505,6 +507,7 @@ TEST_F(Runs, AreScoredByTheEvaluationsOfCaleEvaluateBeforeTheirOwn) {
     folders_.write("a/evaluations/aa/protocol.json", R"({"protocol": "fixed_episodes", "games": 1})");
     folders_.write("a/evaluations/aa/step_000000200.csv", games + "0,-11,7,28\n");
     EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).score(), -11);
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).chosen_evaluation, "");
 }
 
 TEST_F(Runs, AnEvaluationIsBesideTheRulesThatItWasPlayedBy) {
