@@ -94,7 +94,9 @@ void require_finite(const torch::Tensor& numbers, std::string_view what = "the a
 /// With exploration (train), or as in evaluations (evaluate).
 enum class ActMode { train, evaluate };
 
-/// The order of calls, as in the paper: update, act, (environment step), observe.
+/// The order of calls, as in the paper: update, act, (environment step), observe. With train.overlap or
+/// train.realtime it is act, update, observe. Agents that learn beside the environments keep the first order;
+/// other agents without a replay are refused (train/program.h).
 class Agent {
   public:
     virtual ~Agent() = default;
@@ -106,8 +108,8 @@ class Agent {
     /// Records the outcome of the actions. Called once per agent step.
     virtual void observe(const StepBatch& batch) = 0;
 
-    /// Updates the agent if an update is due. Called once before every decision, with the observations that
-    /// it is made on. Returns whether an update was made.
+    /// Updates the agent if an update is due. Called once for every decision, with the observations that it
+    /// is made on. Returns whether an update was made.
     virtual bool update(const torch::Tensor& observations) = 0;
 
     /// Returns the time that update() and observe() spent in the replay: the parts `replay` and `transfer`.

@@ -56,9 +56,9 @@ void fields(DerConfig& config, Visit&& visit) {
     visit("random_warmup", config.random_warmup,
           "where noisy: random actions for the first min_replay decisions");
     visit("prioritised", config.prioritised, "replay surprising transitions more often; off: all alike");
-    visit("priority_exponent", config.priority_exponent, Range{0, 10},
+    visit("priority_exponent", config.priority_exponent, Range{0, 3},
           "where prioritised: alpha, loss to this power");
-    visit("importance_exponent", config.importance_exponent, Range{0, 10},
+    visit("importance_exponent", config.importance_exponent, Range{0, 3},
           "where prioritised: beta of the importance weights");
 }
 

@@ -3,6 +3,7 @@
 // agents/{sac,sacd,dqn,der}.cpp.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -191,7 +192,8 @@ struct Acting {
 ///     double epsilon(double scheduled, bool warms_up)  epsilon in training, if not the scheduled one
 ///     config.exploration                               standard: explores by its own noise, without epsilon
 ///     config.actor_period                              learn() takes a third argument, false in gradient
-///                                                      steps that leave the actor as it is
+///                                                      steps that leave the actor as it is, and its
+///                                                      Losses::critic [] is what the critics minimise
 /// With N environments an update() stands for N decisions, and each of them whose number is a multiple of
 /// update_period is one update: 1 / update_period per agent step, as with N = 1.
 template <class Algorithm>
@@ -244,6 +246,11 @@ class OffPolicy final : public Agent {
 
     std::map<std::string, double> metrics() override {
         auto values = newest_ ? algorithm_.metrics(*newest_) : std::map<std::string, double>{};
+        // Critics that diverge in a step without the actor must not go into a checkpoint that is written
+        // before the next decision.
+        if (const double loss = critics_loss_.defined() ? critics_loss_.item<double>() : 0;
+            !std::isfinite(loss))
+            values["losses/qf_loss"] = loss;
         values["charts/learning_rate"] = algorithm_.config.learning_rate;
         if (const auto epsilon = exploration_epsilon()) values["charts/epsilon"] = *epsilon;
         return values;
@@ -253,6 +260,7 @@ class OffPolicy final : public Agent {
     void load_state(const TensorMap& state) override {
         restore(parts(), state);
         newest_.reset();
+        critics_loss_.reset();
         gradient_step_.forget();
         critics_step_.forget();
     }
@@ -298,8 +306,10 @@ class OffPolicy final : public Agent {
             static_assert(
                 !requires { newest_->priorities; }, "a step without the actor gives no priorities");
             if (gradient_steps_ % algorithm_.config.actor_period != 0) {
-                critics_step_(
-                    [&] { algorithm_.learn(augmented(batch), random_.updates, /*with_actor=*/false); });
+                critics_step_([&] {
+                    critics_loss_ =
+                        algorithm_.learn(augmented(batch), random_.updates, /*with_actor=*/false).critic;
+                });
                 return;
             }
         }
@@ -325,6 +335,7 @@ class OffPolicy final : public Agent {
     CapturedUpdate gradient_step_, critics_step_;       // with the actor; without a delayed actor
     std::int64_t gradient_steps_ = 0;                   // saved where the actor is delayed
     std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step with the actor
+    torch::Tensor critics_loss_;  // [] of the newest one without, where the actor is delayed
 };
 
 /// Returns the agent for `Algorithm`. Throws as check_settings() and its constructor do.

@@ -33,10 +33,13 @@ bool is_full(const std::error_code& reason) {
 }
 
 /// What to do about a file that the system refused; nothing where its reason says that.
-std::string_view remedy_of(const std::error_code& reason) {
-    if (is_full(reason)) return "; make room there, or choose another folder";
-    if (reason == std::errc::read_only_file_system) return "; choose another folder";
-    if (reason == std::errc::permission_denied) return "; change its permissions, or choose another path";
+std::string remedy_of(const std::error_code& reason, bool may_move) {
+    if (is_full(reason))
+        return may_move ? "; make room there, or choose another folder" : "; make room there";
+    if (reason == std::errc::read_only_file_system)
+        return may_move ? "; choose another folder" : "; make it writable";
+    if (reason == std::errc::permission_denied)
+        return may_move ? "; change its permissions, or choose another path" : "; change its permissions";
     return "";
 }
 
@@ -61,13 +64,13 @@ bool is_of_the_machine(const std::exception& error) {
            reason == std::errc::read_only_file_system || reason == std::errc::permission_denied;
 }
 
-std::string failure_sentence(const std::exception& error) {
+std::string failure_sentence(const std::exception& error, bool may_move) {
     if (const auto* file = dynamic_cast<const std::filesystem::filesystem_error*>(&error))
         return one_sentence(
                    fmt::format("cannot use '{}': {}", file->path1().string(), file->code().message())) +
-               std::string(remedy_of(file->code()));
+               remedy_of(file->code(), may_move);
     if (const auto* system = dynamic_cast<const std::system_error*>(&error))
-        return one_sentence(system->what()) + std::string(remedy_of(system->code()));
+        return one_sentence(system->what()) + remedy_of(system->code(), may_move);
     if (!is_out_of_memory(error)) return one_sentence(text_of(error));
     return "there is not enough memory; free some, or ask for less: smaller batches, networks, rollouts or "
            "replay, fewer games at once";

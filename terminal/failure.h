@@ -14,7 +14,8 @@ bool is_out_of_memory(const std::exception& error);
 bool is_of_the_machine(const std::exception& error);
 
 /// Returns the error as one printable() sentence: what() for most errors. LibTorch's come without their stack
-/// trace; errors of exhausted memory and of files come with a remedy.
-std::string failure_sentence(const std::exception& error);
+/// trace; errors of exhausted memory and of files come with a remedy. `may_move`: whether choosing
+/// another folder can be one.
+std::string failure_sentence(const std::exception& error, bool may_move = true);
 
 }  // namespace cale

@@ -121,6 +121,10 @@ void EpisodeLog::write(const Episode& episode) {
                             episode.truncated ? 1 : 0, game));
 }
 
+void ProgressLog::require(const std::filesystem::path& path, std::int64_t rows) {
+    static_cast<void>(first_rows(path, rows));
+}
+
 ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows)
     : file_(rows ? cut_back(path, *rows) : AppendFile(path)), rows_(rows.value_or(0)) {
     if (rows_ == 0) return;

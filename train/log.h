@@ -74,6 +74,8 @@ class ProgressLog {
   public:
     /// `rows`: how many rows to keep after a resume (see rows()). Throws as EpisodeLog does.
     explicit ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows = std::nullopt);
+    /// Throws CutFile where the file lacks some of its first `rows` rows.
+    static void require(const std::filesystem::path& path, std::int64_t rows);
 
     void write(const Report& report);
     /// The number of rows that a checkpoint records. Not an offset, because columns may be added.

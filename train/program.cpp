@@ -353,8 +353,9 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
             // The disk is full: the first failure is the one to report.
         }
         if (!is_of_the_machine(error) || list_checkpoints(options.run_dir).empty()) throw;
-        throw std::runtime_error(
-            fmt::format("{}; then resume with {}", failure_sentence(error), resume_options(options.run_dir)));
+        throw std::runtime_error(fmt::format("{}; then resume with {}",
+                                             failure_sentence(error, /*may_move=*/false),
+                                             resume_options(options.run_dir)));
     }
 }
 
@@ -382,6 +383,15 @@ std::unique_ptr<World> make_one(const TrainingWorld& world) {
     } catch (const std::exception& error) {
         throw ConfigError(error.what());
     }
+}
+
+void check_late_updates(const TrainingProgram& program) {
+    const auto& train = program.settings.train;
+    if (program.learns_beside || program.updates_late || !(train.overlap || train.realtime)) return;
+    throw ConfigError(fmt::format(
+        "{}: this agent must learn between a step and the next decision, so its environments cannot go on "
+        "meanwhile: set it to false",
+        train.overlap ? "train.overlap" : "train.realtime"));
 }
 
 void check_precision(const AgentSpec& spec) {
@@ -460,6 +470,7 @@ AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& worl
         spec.observation = one->observation_space();
     }
     spec.device = device;
+    check_late_updates(program);
     check_precision(spec);
     check_memory(program, world, spec);
     return spec;

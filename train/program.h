@@ -33,6 +33,9 @@ struct TrainingProgram {
     /// With train.overlap update() only starts the learning, which continues beside the decisions that
     /// follow: it is called before each of them, as without overlap.
     bool learns_beside = false;
+    /// update() may be called between a decision and its observation too, as train.overlap and train.realtime
+    /// have it for agents that do not learn beside.
+    bool updates_late = true;
     std::function<std::string()> schedule_over_run = [] { return std::string(); };  // see AgentSpec
     /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
     std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
@@ -54,6 +57,13 @@ concept LearnsBeside = requires {
     requires AgentConfig::kLearnsBeside;
 };
 
+/// Agents that may update late: those whose settings have a member `replay` (agents/off_policy.h), from which
+/// an update may be made at any time. See TrainingProgram::updates_late.
+template <class AgentConfig>
+concept UpdatesLate = requires(const AgentConfig& config) {
+    config.replay;
+};
+
 /// The main() of a training program in one call, in the world of `WorldConfig`: see train/training_world.h.
 template <class WorldConfig = EnvConfig, class AgentConfig>
 int run_program(const std::string& agent_name, const std::string& description,
@@ -73,6 +83,7 @@ int run_program(const std::string& agent_name, const std::string& description,
         .make_agent = [&](const AgentSpec& spec) { return make_agent(config.agent, spec); },
         .several_processes = TrainsInSeveralProcesses<AgentConfig>,
         .learns_beside = LearnsBeside<AgentConfig>,
+        .updates_late = UpdatesLate<AgentConfig>,
     };
     if constexpr (requires { schedule_over_run(config.agent); })
         program.schedule_over_run = [&] { return std::string(schedule_over_run(config.agent)); };

@@ -149,6 +149,8 @@ Recorder::Recorder(Agent& agent, Collector& collector, RunState& state, const Tr
       options_(options),
       resumed_(resumed) {
     if (!options.processes.first()) return;
+    // Before the other log is cut back: a run that is refused stays as it is.
+    if (resumed != nullptr) ProgressLog::require(options.run_dir / "progress.csv", state.progress_rows);
     files_ = std::make_unique<Files>(state, world, settings, options, resumed);
     files_->reported = files_->progress_at(state, settings.train.total_steps);
 }

@@ -34,6 +34,9 @@ TEST(ImportanceWeights, ArePowersOfTheProbabilityOverTheirLargest) {
     EXPECT_TRUE(torch::allclose(importance_weights(probability, 1),
                                 torch::tensor({0.0625, 0.25, 1.0}, kDouble), 1e-6));
     EXPECT_TRUE(torch::equal(importance_weights(probability, 0), torch::ones({3}, kDouble)));
+    const auto extreme = importance_weights(torch::tensor({0.0f, 1.0f}), 3);  // the largest exponent
+    EXPECT_EQ(extreme[0].item<float>(), 1);
+    EXPECT_TRUE(extreme.isfinite().all().item<bool>());
 }
 
 // Losses ------------------------------------------------------------------------------

@@ -668,6 +668,22 @@ TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
     }
 }
 
+TEST_P(ActorCritic, ShowsCriticsThatDivergeBetweenTheStepsOfItsActor) {
+    Settings settings;
+    settings.actor_period = 1000;
+    const auto spec = world();
+    const auto agent = make(spec, settings);
+    drive(*agent, spec, 0, 25);
+    EXPECT_FALSE(agent->metrics().contains("losses/qf_loss"));
+    auto state = agent->state();
+    for (auto& [name, tensor] : state)
+        if (name.starts_with("network/") && !is_of_actor(name))
+            tensor = torch::full_like(tensor, std::numeric_limits<float>::quiet_NaN());
+    agent->load_state(state);
+    EXPECT_TRUE(agent->update(NoiseStep(spec, 25).observations));
+    EXPECT_TRUE(std::isnan(agent->metrics().at("losses/qf_loss")));
+}
+
 TEST_P(ActorCritic, HasTheStateOfOldCheckpointsUnlessItsActorIsDelayed) {
     const auto state = make(world())->state();
     EXPECT_FALSE(state.contains("gradient_steps"));

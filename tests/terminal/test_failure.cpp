@@ -64,6 +64,13 @@ TEST(Failure, OfTheFileSystemSaysWhatToDo) {
               "cannot write 'a.csv': Read-only file system; choose another folder");
     EXPECT_EQ(sentence_of_reason(EACCES),
               "cannot write 'a.csv': Permission denied; change its permissions, or choose another path");
+    const auto in_place = [](int reason) {
+        return failure_sentence(std::system_error(reason, std::generic_category(), "cannot write 'a.csv'"),
+                                /*may_move=*/false);
+    };
+    EXPECT_THAT(in_place(ENOSPC), EndsWith("; make room there"));
+    EXPECT_THAT(in_place(EROFS), EndsWith("; make it writable"));
+    EXPECT_THAT(in_place(EACCES), EndsWith("; change its permissions"));
     EXPECT_EQ(sentence_of_reason(EIO), "cannot write 'a.csv': Input/output error");
     const std::filesystem::filesystem_error full("cannot create folder", "runs/1",
                                                  std::make_error_code(std::errc::no_space_on_device));

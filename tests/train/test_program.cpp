@@ -495,6 +495,17 @@ TEST(ProgramEmulator, FilesThatAreNoRunsAreNotReplaced) {
     }
 }
 
+TEST(ProgramEmulator, ARefusedResumeCutsNothingOff) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"log.every=4"})).code, 0);
+    const auto episodes = folder.read("episodes.csv");
+    const auto later = episodes + episodes.substr(episodes.rfind('\n', episodes.size() - 2) + 1);
+    folder.write("episodes.csv", later);
+    std::filesystem::remove(folder / "progress.csv");
+    EXPECT_EQ(train_sac({"--resume", "--run-dir", folder.path().string(), "--no-progress"}).code, 3);
+    EXPECT_EQ(folder.read("episodes.csv"), later);
+}
+
 TEST(ProgramEmulator, ARunThatCannotBeResumedStaysFinished) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(), {"log.every=4"})).code, 0);
