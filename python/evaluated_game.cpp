@@ -31,7 +31,8 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
         refuse(places_paddle ? "its actions place a paddle; leave paddle out"
                              : "its actions do not place a paddle; leave paddle out");
     if (const auto joystick = coordinates(env);
-        continuous && joystick != policy.joystick && joystick != written_coordinates(policy))
+        continuous && joystick != policy.joystick &&
+        (joystick != written_coordinates(policy) || policy.joystick == Joystick::factored))
         refuse("it was trained with joystick=" + std::string(name_of(policy.joystick)) +
                "; leave joystick out");
     if (continuous) return;

@@ -111,8 +111,9 @@ void Session::start(std::string_view changes, std::uint64_t seed) {
     change(config, changes);
     if (!holds_joystick(policy().info()) && moves(config.motion) && !reaches_every_event(config)) {
         throw std::invalid_argument(
-            "this policy chooses among joystick events, which a joystick that moves can only reach with a "
-            "threshold below 0.7071 and event_map=symmetric: change these");
+            "this policy chooses among joystick events, and a stick with a speed or a latency reaches all of "
+            "them only with a threshold below 0.7071 and event_map=symmetric: lower the threshold, or leave "
+            "speed and latency at 0");
     }
     Env made(config, derive_seed(seed, "play", 0));  // a game under way is kept where this one is refused
     env_ = std::move(made);

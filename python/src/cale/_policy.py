@@ -39,8 +39,7 @@ class Policy:
         `settings` takes them. Where the network chooses coordinates they are (r, theta, fire), whatever these are,
         or (position, fire) of an absolute paddle; of a factored policy its three choices; else numbers of actions.
 
-        choice: "greedy", "sampled" (drawn from the policy; of action values nothing is drawn but the noise of noisy
-            layers), or "as_evaluated", as its training's evaluations did.
+        choice: "greedy", "sampled" (drawn from the policy; with action values only the noise of noisy layers is), or "as_evaluated", as its training's evaluations did.
         """
         batch, single = self._batch(observations)
         count = len(batch)
