@@ -270,28 +270,29 @@ std::optional<Protocol> read_protocol(const fs::path& path) {
 /// ones that asked for the most games, of equals the first by name, which are the same of all runs. Else
 /// those that the run made itself.
 Evaluations evaluations_of(const fs::path& run) {
-    Evaluations best{.folder = run / "eval"};
-    std::optional<std::int64_t> best_step;
-    if (!fs::is_directory(run / "evaluations")) return best;
+    if (!fs::is_directory(run / "evaluations")) return {.folder = run / "eval"};
     const fs::directory_iterator entries(run / "evaluations");
     const std::set<fs::path> folders(begin(entries), end(entries));
+    std::vector<Evaluations> newest;  // those of the newest checkpoint, by name
+    std::optional<std::int64_t> newest_step;
     for (const auto& folder : folders) {
         const auto files = named_by_step(folder, ".csv");
         if (files.empty()) continue;
         const auto step = step_in(files.back(), ".csv");
-        if (step < best_step) continue;
+        if (step < newest_step) continue;
         const auto protocol = read_protocol(folder / "protocol.json");
         if (!protocol) continue;
-        const bool is_newer = step > best_step;
-        auto others = is_newer ? std::vector<std::string>() : std::move(best.others);
-        const bool counts = is_newer || protocol->games > best.protocol.games;
-        if (!is_newer) others.push_back((counts ? best.folder : folder).filename().string());
-        if (counts) best = {.folder = folder, .protocol = *protocol};
-        best.others = std::move(others);
-        best_step = step;
+        if (step > newest_step) newest.clear();
+        newest_step = step;
+        newest.push_back({.folder = folder, .protocol = *protocol});
     }
-    std::ranges::sort(best.others);
-    return best;
+    if (newest.empty()) return {.folder = run / "eval"};
+    const auto best = std::ranges::max_element(
+        newest, {}, [](const Evaluations& evaluations) { return evaluations.protocol.games; });
+    auto chosen = *best;
+    for (const auto& other : newest)
+        if (&other != &*best) chosen.others.push_back(other.folder.filename().string());
+    return chosen;
 }
 
 void read_evaluations(Run& run, const Evaluations& evaluations) {

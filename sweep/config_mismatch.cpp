@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <exception>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
@@ -21,22 +22,28 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// What has been trained in a folder.
+/// What is trained in a folder.
 struct Trained {
+    std::optional<std::int64_t> steps;  // agent steps of the newest checkpoint; none: it has only begun
     SettingTexts settings;
-    std::int64_t steps = 0;  // agent steps of the newest checkpoint
     /// See AgentSpec. An older version did not record it; the program then objects on resume.
     std::string schedule_over_run;
 };
+
+Trained trained_in(const fs::path& folder, std::optional<std::int64_t> steps) {
+    return {.steps = steps,
+            .settings = settings_in(read_file(folder / "config.yaml")),
+            .schedule_over_run = metadata_text(folder, "schedule_over_run")};
+}
 
 /// "agent.loss was huber and is now mse"; empty where the setting does not differ, or may.
 std::string change(const std::string& key, const std::string& before, const std::string& now,
                    const Trained& trained) {
     if (same_value(before, now)) return "";
     auto text = change_of_run(key, before, now, trained.schedule_over_run);
-    // A run can be made shorter as long as it has not gone further.
-    if (text.empty() && key == "train.total_steps" && integer_in(now) < integer_in(before) &&
-        integer_in(now) < trained.steps)
+    // A run begins as long as planned. It can be made longer, and shorter as long as it has not gone further.
+    if (text.empty() && key == "train.total_steps" &&
+        (!trained.steps || (integer_in(now) < integer_in(before) && integer_in(now) < *trained.steps)))
         text = fmt::format("{} was {} and is now {}", key, before, now);
     return text;
 }
@@ -44,10 +51,12 @@ std::string change(const std::string& key, const std::string& before, const std:
 /// All of them, as a list for a sentence.
 std::string changes(const PlannedRun& planned, const Trained& trained) {
     std::string text;
-    for (const auto& [key, before] : trained.settings) {
-        const auto* now = planned_value(planned, key);
-        if (now == nullptr) continue;
-        const auto different = change(key, before, *now, trained);
+    for (const auto& [key, value] : trained.settings) {
+        const auto* wanted = planned_value(planned, key);
+        if (wanted == nullptr) continue;
+        // Of a run that has only begun the plan is the older.
+        const auto different =
+            trained.steps ? change(key, value, *wanted, trained) : change(key, *wanted, value, trained);
         if (!different.empty()) text += (text.empty() ? "" : ", ") + different;
     }
     return text;
@@ -77,9 +86,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
         if (auto lack = lacks(folder / "config.yaml", list_checkpoints(folder).back() / "config.yaml");
             !lack.empty())
             return lack;
-        const auto text = changes(planned, {.settings = settings_in(read_file(folder / "config.yaml")),
-                                            .steps = *step,
-                                            .schedule_over_run = metadata_text(folder, "schedule_over_run")});
+        const auto text = changes(planned, trained_in(folder, step));
         if (!text.empty())
             return fmt::format(
                 "trained with other settings: {}; give the sweep another --dir, or take the change back",
@@ -95,23 +102,13 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
 }
 
 std::optional<std::string> started_otherwise(const PlannedRun& planned, const fs::path& folder) {
-    SettingTexts started;
-    std::string schedule_over_run;
+    Trained begun;
     try {
-        started = settings_in(read_file(folder / "config.yaml"));
-        schedule_over_run = metadata_text(folder, "schedule_over_run");
+        begun = trained_in(folder, /*steps=*/std::nullopt);
     } catch (const std::exception&) {
         return std::nullopt;  // nothing is written yet
     }
-    std::string text;
-    for (const auto& [key, now] : started) {
-        const auto* before = planned_value(planned, key);
-        if (before == nullptr || same_value(*before, now)) continue;
-        auto different = change_of_run(key, *before, now, schedule_over_run);
-        if (different.empty() && key == "train.total_steps")
-            different = fmt::format("{} was {} and is now {}", key, *before, now);
-        if (!different.empty()) text += (text.empty() ? "" : ", ") + different;
-    }
+    const auto text = changes(planned, begun);
     if (text.empty()) return "";
     return fmt::format(
         "its program read other settings than the sweep: {}; a file of its configuration was changed "
@@ -128,12 +125,14 @@ RunStatus status_of(const PlannedRun& planned, const fs::path& folder) {
     return status;
 }
 
+std::string refused_line(const PlannedRun& planned, std::string_view reason) {
+    return reason.empty() ? "" : fmt::format("# refused: {}: {}\n", planned.run.name, printable(reason));
+}
+
 std::string refused_lines(std::span<const PlannedRun> runs, const fs::path& folder) {
     std::string lines;
-    for (const auto& planned : runs) {
-        const auto reason = config_mismatch(planned, folder / planned.run.name);
-        if (!reason.empty()) lines += fmt::format("# refused: {}: {}\n", planned.run.name, printable(reason));
-    }
+    for (const auto& planned : runs)
+        lines += refused_line(planned, config_mismatch(planned, folder / planned.run.name));
     return lines;
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "sweep/plan.h"
 #include "sweep/run_folder.h"
@@ -26,7 +27,9 @@ std::string config_mismatch(const PlannedRun& planned, const std::filesystem::pa
 /// nothing where none can be read yet.
 std::optional<std::string> started_otherwise(const PlannedRun& planned, const std::filesystem::path& folder);
 
-/// Returns a line "# refused: ..." for each run that has such a reason. `folder` is the sweep's.
+/// Returns a line "# refused: RUN: REASON"; nothing where there is no reason.
+std::string refused_line(const PlannedRun& planned, std::string_view reason);
+/// Returns one for each run that is refused by config_mismatch(). `folder` is the sweep's.
 std::string refused_lines(std::span<const PlannedRun> runs, const std::filesystem::path& folder);
 
 /// Where the planned run stands, RunPhase::refused among the answers.

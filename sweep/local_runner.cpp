@@ -6,6 +6,7 @@
 #include <csignal>
 #include <deque>
 #include <exception>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -60,9 +61,8 @@ struct Job {
     pid_t process = 0;
     bool waits = false;     // for another process
     bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
-    // Whether its settings have been compared with the planned ones, and how they differ.
-    bool compared = false;
-    std::string refusal{};
+    // How the settings that its program read differ from the planned ones; none: not known yet.
+    std::optional<std::string> refusal{};
     std::size_t slot = 0;
 };
 
@@ -154,7 +154,8 @@ class LocalRunner {
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();
         job.listened = false;
-        job.compared = checkpoint.has_value();  // above; and the program does so itself as it resumes
+        // Of a run that is resumed they were compared above, and are by the program.
+        job.refusal = checkpoint ? std::optional<std::string>("") : std::nullopt;
         job.slot = slot;
         job.started = Clock::now();
         job.started_at = checkpoint.value_or(0);
@@ -172,18 +173,17 @@ class LocalRunner {
     }
 
     /// A program reads its configuration's files when it starts, hours after the sweep may have read them.
-    void compare_settings(Job& job) {
-        if (job.compared) return;
-        const auto refusal = started_otherwise(*job.planned, job.folder);
-        job.compared = refusal.has_value();
-        job.refusal = refusal.value_or("");
+    /// Returns how the settings that it read differ from the planned ones; nothing where they do not, or are
+    /// not known yet.
+    static std::string refusal_of(Job& job) {
+        if (!job.refusal) job.refusal = started_otherwise(*job.planned, job.folder);
+        return job.refusal.value_or("");
     }
 
     void reap() {
         std::vector<std::pair<Job*, ChildEnd>> ended;
         for (Job* job : active_) {
-            compare_settings(*job);
-            if (!job->refusal.empty()) ::kill(job->process, SIGKILL);  // it has only begun
+            if (!refusal_of(*job).empty()) ::kill(job->process, SIGKILL);  // it has only begun
             job->listened = job->listened || catches(job->process, SIGTERM);
             if (const auto end = poll_child(job->process)) ended.emplace_back(job, *end);
         }
@@ -196,8 +196,7 @@ class LocalRunner {
 
     void record_end(Job& job, const ChildEnd& end) {
         job.status = status_of(job.folder, job.planned->end);
-        compare_settings(job);
-        if (!job.refusal.empty()) return refuse(job, std::exchange(job.refusal, {}));
+        if (const auto reason = refusal_of(job); !reason.empty()) return refuse(job, reason);
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();

@@ -156,18 +156,17 @@ std::map<std::string, std::string> settings_for_config(const Search& search, std
     return settings;
 }
 
-/// Whether one of these runs, which have just been trained, was none of the planned ones; says which.
+/// Says which of these runs, which have just been trained, was none of the planned ones; whether one was.
 bool other_than_planned(const Search& search, std::span<const PlannedRun> runs, std::FILE* out) {
-    bool any = false;
+    std::string refused;
     for (const auto& planned : runs) {
         const auto folder = search.folder / planned.run.name;
-        const auto reason = newest_checkpoint(folder) ? config_mismatch(planned, folder)
-                                                      : started_otherwise(planned, folder).value_or("");
-        if (reason.empty()) continue;
-        fmt::print(out, "# refused: {}: {}\n", planned.run.name, printable(reason));
-        any = true;
+        refused += refused_line(planned, newest_checkpoint(folder)
+                                             ? config_mismatch(planned, folder)
+                                             : started_otherwise(planned, folder).value_or(""));
     }
-    return any;
+    fmt::print(out, "{}", refused);
+    return !refused.empty();
 }
 
 bool has_score(const SampleScore& sample) {

@@ -623,6 +623,11 @@ TEST_P(ReplayAgent, GoesOnWithTheGameUnderWayAfterARestore) {
 
 class ActorCritic : public EveryAgent {
   protected:
+    static Settings delayed_actor(std::int64_t period) {
+        Settings settings;
+        settings.actor_period = period;
+        return settings;
+    }
     static bool is_of_actor(const std::string& name) {
         return name.starts_with("network/actor.") || name.starts_with("network/encoder.actor_") ||
                name == "log_alpha";
@@ -632,10 +637,8 @@ class ActorCritic : public EveryAgent {
 INSTANTIATE_TEST_SUITE_P(Table, ActorCritic, testing::Values(sac(), sacd()), name_of);
 
 TEST_P(ActorCritic, StepsItsActorAtEveryThirdGradientStepAlone) {
-    Settings settings;
-    settings.actor_period = 3;
     const auto spec = world();
-    const auto agent = make(spec, settings);
+    const auto agent = make(spec, delayed_actor(3));
     drive(*agent, spec, 0, 21);
     for (std::int64_t step = 21; step < 33; ++step) {
         const auto before = agent->state();
@@ -653,8 +656,7 @@ TEST_P(ActorCritic, StepsItsActorAtEveryThirdGradientStepAlone) {
 }
 
 TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
-    Settings settings;
-    settings.actor_period = 3;
+    const auto settings = delayed_actor(3);
     const auto spec = world();
     for (const std::int64_t moment : {25, 26, 27}) {
         const test::TemporaryFolder folder;
@@ -669,10 +671,8 @@ TEST_P(ActorCritic, ResumesInTheMiddleOfThePeriodOfItsActor) {
 }
 
 TEST_P(ActorCritic, ShowsCriticsThatDivergeBetweenTheStepsOfItsActor) {
-    Settings settings;
-    settings.actor_period = 1000;
     const auto spec = world();
-    const auto agent = make(spec, settings);
+    const auto agent = make(spec, delayed_actor(1000));
     drive(*agent, spec, 0, 25);
     EXPECT_FALSE(agent->metrics().contains("losses/qf_loss"));
     auto state = agent->state();

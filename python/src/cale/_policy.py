@@ -39,7 +39,8 @@ class Policy:
         `settings` takes them. Where the network chooses coordinates they are (r, theta, fire), whatever these are,
         or (position, fire) of an absolute paddle; of a factored policy its three choices; else numbers of actions.
 
-        choice: "greedy", "sampled" (drawn from the policy; with action values only the noise of noisy layers is), or "as_evaluated", as its training's evaluations did.
+        choice: "greedy", "sampled" (drawn from the policy; with action values only the noise of noisy layers is), or
+            "as_evaluated", as its training's evaluations did.
         """
         batch, single = self._batch(observations)
         count = len(batch)
@@ -97,14 +98,12 @@ class Policy:
         if (asked := text_of("joystick", changes.get("joystick", written))) != written:
             raise ValueError(f"joystick={asked}: this policy's act() writes {written} coordinates")
         changed = {**settings, **changes}
-        self._require_playable({name: value for name, value in changed.items() if name not in _OF_GYMNASIUM})
-        return changed
-
-    def _require_playable(self, settings: dict[str, Any]) -> None:
+        texts = texts_of({name: value for name, value in changed.items() if name not in _OF_GYMNASIUM})
         try:
-            _core.require_playable(self._core, texts_of(settings))
+            _core.require_playable(self._core, texts)
         except RuntimeError as error:
             raise rom_hint(error) from None
+        return changed
 
     def __repr__(self) -> str:
         return f"Policy({str(self.file)!r}): {self.info['agent']} on {self.info['game']}"
@@ -193,11 +192,10 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
         warnings.warn(f"terminal_on_life_loss={asked} is not applied: as in this policy's training ({life_loss}), a lost life "
                       f"{'clears' if life_loss == 'true' else 'does not clear'} its frame stack; no game ends with a life",
                       stacklevel=2)
-    played = {**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss}
-    policy._require_playable(played)
-    texts = texts_of(played)
+    texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
     try:
+        _core.require_playable(policy._core, texts)
         with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
             results = list(pool.map(
                 lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
