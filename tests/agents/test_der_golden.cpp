@@ -23,7 +23,9 @@ struct Case : golden::NetworkCase {
         : NetworkCase(file_name, type), num_actions(static_cast<std::int64_t>(hyper("num_actions"))) {
         config.num_atoms = static_cast<std::int64_t>(hyper("atoms"));
         config.value_limit = hyper("vmax");
-        EXPECT_EQ(hyper("vmin"), -config.value_limit) << "the atoms of DER are symmetric";
+        if (const auto vmin = file["hyper"]["vmin"]; vmin && !vmin.IsNull()) {
+            EXPECT_EQ(hyper("vmin"), -config.value_limit) << "the atoms of DER are symmetric";
+        }
         for (const auto& param : file["params"])
             if (param["name"].as<std::string>() == "head.fc1.bias_mu")
                 config.hidden_units = param["shape"][0].as<std::int64_t>();

@@ -129,11 +129,13 @@ void replay(const YAML::Node& run) {
 }
 
 TEST(GoldenEnvironment, EveryRunOfTheReference) {
-    const auto cases = golden::load("environment.yaml")["cases"];
-    ASSERT_GT(cases.size(), 0u);
-    for (const auto& run : cases) {
-        SCOPED_TRACE(run["name"].as<std::string>());
-        replay(run);
+    for (const auto& file : golden::files_with({"cases"})) {
+        const auto cases = golden::load(file)["cases"];
+        ASSERT_GT(cases.size(), 0u) << file;
+        for (const auto& run : cases) {
+            SCOPED_TRACE(run["name"].as<std::string>());
+            replay(run);
+        }
     }
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <iterator>
 #include <map>
 #include <set>
@@ -23,11 +22,7 @@ constexpr double kOfWidth = 0.02;
 
 std::vector<YAML::Node> statistics_files() {
     std::vector<YAML::Node> files;
-    for (const auto& entry : std::filesystem::directory_iterator(golden::directory())) {
-        if (entry.path().extension() != ".yaml") continue;
-        auto file = YAML::LoadFile(entry.path().string());
-        if (file.IsMap() && file["scores"] && file["point"]) files.push_back(file);
-    }
+    for (const auto& name : golden::files_with({"scores", "point"})) files.push_back(golden::load(name));
     return files;
 }
 
@@ -79,9 +74,7 @@ double averaged(Metric metric, const Scores& scores) {
 }
 
 TEST(AggregateGolden, MetricsAndTheirIntervals) {
-    const auto files = statistics_files();
-    ASSERT_FALSE(files.empty()) << "no statistics in " << golden::directory();
-    for (const auto& file : files) {
+    for (const auto& file : statistics_files()) {
         for (const auto& agent : keys_of(file["point"])) {
             const auto scores = scores_of(file, agent);
             const auto aggregates = aggregate(scores);

@@ -20,23 +20,35 @@ YAML::Node load(const std::string& file_name) {
 
 namespace {
 
-std::vector<std::string> files_in(const std::string& folder, std::string_view kind) {
-    std::vector<std::string> found;
-    for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-        if (entry.path().extension() != ".yaml") continue;
-        const auto file = YAML::LoadFile(entry.path().string());
-        if (file["kind"] && file["kind"].as<std::string>() == kind) found.push_back(entry.path().filename());
+template <class Chosen>
+std::vector<std::string> files_where(const std::string& what, const Chosen& is_chosen) {
+    for (const std::string& folder : {directory(), std::string(CALE_SOURCE_GOLDEN_DIR)}) {
+        std::vector<std::string> found;
+        for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+            if (entry.path().extension() != ".yaml") continue;
+            const auto file = YAML::LoadFile(entry.path().string());
+            if (file.IsMap() && is_chosen(file)) found.push_back(entry.path().filename());
+        }
+        std::sort(found.begin(), found.end());
+        if (!found.empty()) return found;
     }
-    std::sort(found.begin(), found.end());
-    return found;
+    throw std::runtime_error("no golden file " + what + " in " + directory());
 }
 
 }  // namespace
 
 std::vector<std::string> files_of_kind(std::string_view kind) {
-    for (const auto& folder : {directory(), std::string(CALE_SOURCE_GOLDEN_DIR)})
-        if (auto found = files_in(folder, kind); !found.empty()) return found;
-    throw std::runtime_error("no golden file of the kind " + std::string(kind) + " in " + directory());
+    return files_where("of the kind " + std::string(kind), [kind](const YAML::Node& file) {
+        return file["kind"] && file["kind"].as<std::string>() == kind;
+    });
+}
+
+std::vector<std::string> files_with(std::initializer_list<std::string_view> keys) {
+    std::string what = "with";
+    for (const auto key : keys) what.append(1, ' ').append(key);
+    return files_where(what, [keys](const YAML::Node& file) {
+        return std::ranges::all_of(keys, [&file](auto key) { return file[std::string(key)].IsDefined(); });
+    });
 }
 
 std::uint64_t seed(std::string_view case_name, std::string_view name) {

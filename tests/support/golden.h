@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,8 @@ YAML::Node load(const std::string& file_name);
 /// Every file of that folder whose top-level `kind` is this one, sorted by name; where it has none, those of
 /// the copy. Throws std::runtime_error where that has none, too.
 std::vector<std::string> files_of_kind(std::string_view kind);
+/// The same of files that have these keys at the top.
+std::vector<std::string> files_with(std::initializer_list<std::string_view> keys);
 
 /// FNV-1a 64 of "case/name".
 std::uint64_t seed(std::string_view case_name, std::string_view name);
