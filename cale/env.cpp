@@ -14,7 +14,6 @@
 namespace cale {
 namespace {
 
-constexpr double kDiagonal = 0.70710678;        // of the joystick at its rim
 constexpr std::int64_t kMostNamedGames = 3;     // in the names of folders
 constexpr double kMiddle = 0.5;                 // of a paddle's way
 constexpr std::size_t kReservedSteps = 27'000;  // of the longest game of the paper's protocols
@@ -96,11 +95,11 @@ void check_joystick(const EnvConfig& config) {
 void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
     if (reaches_every_event(config)) return;
-    throw std::invalid_argument(
-        "env.action_space=" + std::string(name_of(config.action_space)) + " and a joystick that moves (" +
-        changed_settings(config.motion) +
-        ") need env.threshold below 0.7071, where its diagonals are, and env.event_map=symmetric: change "
-        "these, or set env.action_space to continuous");
+    throw std::invalid_argument("env.action_space=" + std::string(name_of(config.action_space)) +
+                                " and a joystick that moves (" + changed_settings(config.motion) +
+                                ") need env.threshold above 0 and below 0.7071, where its diagonals are, and "
+                                "env.event_map=symmetric: "
+                                "change these, or set env.action_space to continuous");
 }
 
 /// Throws std::invalid_argument, in one sentence, for settings that do not go together.
@@ -183,7 +182,13 @@ bool is_variant(const EnvConfig& config) {
 }
 
 bool reaches_every_event(const EnvConfig& config) {
-    return config.threshold < kDiagonal && config.event_map == EventMap::symmetric;
+    const auto threshold = static_cast<float>(config.threshold);
+    for (std::int64_t action = 0; action < kEventCount; ++action) {
+        if (joystick_event(factored_stick(action), threshold, config.event_map) !=
+            factored_events()[static_cast<std::size_t>(action)])
+            return false;
+    }
+    return true;
 }
 
 const Game& only_game(const EnvConfig& config) {

@@ -125,7 +125,7 @@ EnvConfig config_of(const EnvConfig& config, std::int64_t number);
 /// Returns whether a mode or a difficulty is chosen: scores do not compare with those published for the game.
 bool is_variant(const EnvConfig& config);
 /// Returns whether positions of the joystick at its rim stand for all 18 events: not where the diagonals are
-/// within the threshold, nor without a centre.
+/// within the threshold, nor where it is 0 and x or y are rounded beyond it, nor without a centre.
 bool reaches_every_event(const EnvConfig& config);
 /// Returns the game's name in headers and of runs' folders: "Pong", "Pong-mode1-difficulty0" of a variant,
 /// "Pong+Breakout" or "26games" of several.

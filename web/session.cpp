@@ -112,8 +112,9 @@ void Session::start(std::string_view changes, std::uint64_t seed) {
     if (!holds_joystick(policy().info()) && moves(config.motion) && !reaches_every_event(config)) {
         throw std::invalid_argument(
             "this policy chooses among joystick events, and a stick with a speed or a latency reaches all of "
-            "them only with a threshold below 0.7071 and event_map=symmetric: lower the threshold, or leave "
-            "speed and latency at 0");
+            "them only with a threshold above 0 and below 0.7071 and event_map=symmetric: change the "
+            "threshold, "
+            "or leave speed and latency at 0");
     }
     Env made(config, derive_seed(seed, "play", 0));  // a game under way is kept where this one is refused
     env_ = std::move(made);

@@ -120,6 +120,12 @@ TEST(RandomPlay, FactoredPositionsHaveTheFloorOfTheEventsThatTheyReach) {
     EXPECT_EQ(cale::random_floor(config), 1027.0);
     config.threshold = 0.9;
     EXPECT_EQ(cale::random_floor(config), std::nullopt) << "its diagonals are nearer";
+    config.threshold = 0.70710677;  // a diagonal's coordinates as float: not beyond it
+    EXPECT_EQ(cale::random_floor(config), std::nullopt);
+    config.threshold = 0.70710671;
+    EXPECT_EQ(cale::random_floor(config), 1027.0);
+    config.threshold = 0;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt) << "cos(pi / 2) is not 0";
     config.threshold = 0.5;
     config.event_map = cale::EventMap::ale_0_10;
     EXPECT_EQ(cale::random_floor(config), std::nullopt) << "diagonals are all that there is";
