@@ -286,9 +286,17 @@ StepResponse step_response(const EnvConfig& env, std::int64_t frames_held) {
     return response;
 }
 
-/// A sentence for each value that lies where the search ended; empty where none does.
-std::string warnings(const StickMotion& motion) {
+/// Sentences for a fit that is none and for each value that lies where the search ended; empty where there is
+/// neither.
+std::string warnings(const FittedStick& fit) {
+    constexpr double kFar = 0.25;  // radii; a stick that does as it is told is nearer in any log
+    const auto& motion = fit.motion;
     std::string text;
+    if (fit.error > kFar)
+        text += fmt::format(
+            "# Warning: the fitted stick is {:.2f} radii away from the log's: are x and y in their columns, "
+            "y up, and is there a row for every moment?\n",
+            fit.error);
     const auto warn = [&text](bool at_end, const char* name) {
         if (!at_end) return;
         text += fmt::format(
@@ -316,7 +324,7 @@ std::string stick_fit_text(const StickLog& log, const StickFit& fit) {
     if (best.motion.stick_damping)
         text += fmt::format("  stick_damping: {:.4g}\n", *best.motion.stick_damping);
     text += fmt::format("  action_latency: {}\n", best.motion.action_latency.low);
-    return warnings(best.motion) + text;
+    return warnings(best) + text;
 }
 
 std::string step_response_text(const EnvConfig& env, std::int64_t frames_held) {

@@ -16,7 +16,8 @@ namespace {
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
     const auto text = fmt::format("{}", fmt::join(cells, ","));
-    return std::runtime_error(fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, text));
+    return std::runtime_error(
+        fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, printable(text)));
 }
 
 std::string without_blanks(std::string_view text) {

@@ -75,6 +75,20 @@ nlohmann::ordered_json read_object(const fs::path& path) {
     return object;
 }
 
+/// A run whose settings were changed on the way (--accept-changes) is like none that had the last ones from
+/// the start.
+void read_accepted_changes(Run& run, const nlohmann::ordered_json& metadata) {
+    std::string changes;
+    for (const auto& change : metadata.value("accepted_changes", std::vector<std::string>())) {
+        const auto time = change.find(": ");  // "2026-11-22T10:00:00Z: agent.learning_rate ..."
+        changes += (changes.empty() ? "" : "; ") + (time == change.npos ? change : change.substr(time + 2));
+    }
+    if (changes.empty()) return;
+    run.settings["accepted_changes"] = changes;
+    run.doubts.push_back(fmt::format("{}: it was resumed with other settings, as --accept-changes let it: {}",
+                                     run.folder.string(), changes));
+}
+
 /// What metadata.json and the first line of episodes.csv say; the former wins. The settings must be read.
 void read_identity(Run& run, const EpisodeHistory& episodes) {
     std::string env_id = episodes.env_id;
@@ -96,6 +110,7 @@ void read_identity(Run& run, const EpisodeHistory& episodes) {
             run.finished = metadata.value("finished", false);
             run.made_with = fmt::format("cale {}, ALE {}, LibTorch {}", metadata.value("cale", "?"),
                                         metadata.value("ale", "?"), metadata.value("libtorch", "?"));
+            read_accepted_changes(run, metadata);
         } catch (const nlohmann::json::exception& error) {
             throw std::runtime_error(fmt::format("{} is damaged: {}", path.string(), error.what()));
         }
@@ -238,6 +253,7 @@ struct Evaluations {
     fs::path folder{};
     Protocol protocol{};
     std::vector<std::string> others{};  // folders of those of the same checkpoint that do not count
+    bool on_another_game = false;       // whether there are such, which do not count
 };
 
 nlohmann::ordered_json read_protocol_object(const fs::path& path) {
@@ -249,12 +265,23 @@ nlohmann::ordered_json read_protocol_object(const fs::path& path) {
     }
 }
 
-/// None where another game was played.
-std::optional<Protocol> read_protocol(const fs::path& path) {
-    const auto json = read_protocol_object(path);
+bool is_this_game(const Game& game, const nlohmann::ordered_json& name) {
+    try {
+        return &find_game(name.get<std::string>()) == &game;
+    } catch (const std::exception&) {
+        return false;  // several, or none that this version knows
+    }
+}
+
+/// None where another game than this one was played.
+std::optional<Protocol> read_protocol(const fs::path& path, const Game& game) {
+    auto json = read_protocol_object(path);
     Protocol protocol{.text = {}};
+    if (json.contains("settings") && json["settings"].contains("env.game")) {
+        if (!is_this_game(game, json["settings"]["env.game"])) return std::nullopt;
+        json["settings"].erase("env.game");  // said once more
+    }
     for (const auto& [name, value] : json.items()) {
-        if (name == "settings" && value.contains("env.game")) return std::nullopt;
         if (value.is_null() || value.empty()) continue;
         protocol.text += fmt::format("{}{} {}", protocol.text.empty() ? "" : ", ", name,
                                      value.is_string() ? value.get<std::string>() : value.dump());
@@ -269,9 +296,10 @@ std::optional<Protocol> read_protocol(const fs::path& path) {
 /// Those that `cale evaluate` made of a folder of runs: the ones of the newest checkpoint, of several the
 /// ones that asked for the most games, of equals the first by name, which are the same of all runs. Else
 /// those that the run made itself.
-Evaluations evaluations_of(const fs::path& run) {
-    if (!fs::is_directory(run / "evaluations")) return {.folder = run / "eval"};
-    const fs::directory_iterator entries(run / "evaluations");
+Evaluations evaluations_of(const Run& run) {
+    Evaluations own{.folder = run.folder / "eval"};
+    if (!fs::is_directory(run.folder / "evaluations")) return own;
+    const fs::directory_iterator entries(run.folder / "evaluations");
     const std::set<fs::path> folders(begin(entries), end(entries));
     std::vector<Evaluations> newest;  // those of the newest checkpoint, by name
     std::optional<std::int64_t> newest_step;
@@ -280,13 +308,16 @@ Evaluations evaluations_of(const fs::path& run) {
         if (files.empty()) continue;
         const auto step = step_in(files.back(), ".csv");
         if (step < newest_step) continue;
-        const auto protocol = read_protocol(folder / "protocol.json");
-        if (!protocol) continue;
+        const auto protocol = read_protocol(folder / "protocol.json", *run.game);
+        if (!protocol) {
+            own.on_another_game = true;
+            continue;
+        }
         if (step > newest_step) newest.clear();
         newest_step = step;
         newest.push_back({.folder = folder, .protocol = *protocol});
     }
-    if (newest.empty()) return {.folder = run / "eval"};
+    if (newest.empty()) return own;
     const auto best = std::ranges::max_element(
         newest, {}, [](const Evaluations& evaluations) { return evaluations.protocol.games; });
     auto chosen = *best;
@@ -295,8 +326,25 @@ Evaluations evaluations_of(const fs::path& run) {
     return chosen;
 }
 
+/// Throws where the report that `cale evaluate` wrote beside the table of its games says that there were
+/// more.
+void require_all_games(const CsvTable& games) {
+    auto file = games.path;
+    file.replace_extension(".json");
+    if (!fs::exists(file)) return;
+    const auto report = read_object(file);
+    const auto played = report.find("games");
+    if (played == report.end() || !played->is_number_unsigned()) return;
+    if (games.rows.size() < played->get<std::size_t>())
+        throw std::runtime_error(
+            fmt::format("{} is cut: it has {} games, and {} were played ({}); cale evaluate plays them again",
+                        games.path.string(), games.rows.size(), played->dump(), file.filename().string()));
+}
+
 void read_evaluations(Run& run, const Evaluations& evaluations) {
     const auto files = named_by_step(evaluations.folder, ".csv");
+    if (files.empty() && evaluations.on_another_game)
+        throw std::runtime_error("it has no evaluation on its own game, only on another one");
     if (files.empty())
         throw std::runtime_error(
             "it has no evaluation: neither eval/step_*.csv nor one by cale evaluate and the folder of the "
@@ -310,6 +358,7 @@ void read_evaluations(Run& run, const Evaluations& evaluations) {
         const auto column = table.find("return");
         if (!column || table.rows.empty())
             throw std::runtime_error(path.string() + " is damaged: it has no column 'return' or no row");
+        require_all_games(table);
         double sum = 0;
         for (std::size_t row = 0; row < table.rows.size(); ++row) sum += table.score(row, *column);
         run.steps.push_back(static_cast<double>(*step_in(path, ".csv")));
@@ -396,7 +445,7 @@ void read_training_run(Run& run, const EpisodeHistory& episodes, const Progress&
     run.settings.erase("eval.noop_max");
     if (const auto file = run.folder / "joystick_events.csv"; fs::exists(file))
         read_besides(run, "joystick events", [&] { run.event_shares = read_event_shares(file); });
-    read_besides(run, "rewards", [&] { read_rewards(run, evaluations_of(run.folder).folder); });
+    read_besides(run, "rewards", [&] { read_rewards(run, evaluations_of(run).folder); });
 }
 
 /// Says in run.doubts where the newest evaluation, which `cale evaluate` made, is of another policy than the
@@ -415,7 +464,7 @@ void check_evaluated_policy(Run& run, const fs::path& folder) {
 
 /// Sets what is known of the evaluations: their score, events and rewards.
 void read_evaluated_run(Run& run) {
-    const auto evaluations = evaluations_of(run.folder);
+    const auto evaluations = evaluations_of(run);
     read_evaluations(run, evaluations);
     read_besides(run, "policy's checksum", [&] { check_evaluated_policy(run, evaluations.folder); });
     if (evaluations.protocol.text != kOwnEvaluations) run.settings.erase("eval.noop_max");

@@ -152,6 +152,17 @@ fs::path output_folder(const Options& options) {
     return fs::path("reports") / without_slash(fs::absolute(options.runs.front())).filename();
 }
 
+/// A report replaces the files of an earlier one, run_curves.csv among them.
+void require_another_folder(const Options& options, const fs::path& folder) {
+    if (options.baselines_csv.empty()) return;
+    const auto table = fs::weakly_canonical(options.baselines_csv);
+    if (table.parent_path() != fs::weakly_canonical(folder)) return;
+    throw std::invalid_argument(
+        fmt::format("--baselines-file {}: it is in {}, where the report would replace it; name another "
+                    "folder by --output",
+                    options.baselines_csv, folder.string()));
+}
+
 void report(Options options) {
     options.config.score = options.score == "training" ? ScoreKind::training : ScoreKind::evaluation;
     options.config.names = names_of_groups(options.names);
@@ -163,6 +174,7 @@ void report(Options options) {
     if (!paths.empty()) require_runs(found);
     std::ranges::move(recorded, std::back_inserter(found.runs));
     const auto folder = output_folder(options);
+    require_another_folder(options, folder);
     const auto made = make_output_folder("--output", folder);
     const Comparison comparison = compare(std::move(found), baselines, options.config);
     const auto now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());

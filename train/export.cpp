@@ -136,7 +136,7 @@ PolicyInfo export_web_page(const fs::path& path, const fs::path& page, const fs:
     static_cast<void>(games_of(env_config_of(info).game));
     fs::create_directories(folder);
     for (const auto& file : fs::directory_iterator(page))
-        fs::copy_file(file, folder / file.path().filename(), fs::copy_options::overwrite_existing);
+        write_file_atomically(folder / file.path().filename(), read_file(file));
     write_file_atomically(folder / "policy.safetensors", contents);
     return info;
 }

@@ -81,6 +81,12 @@ TEST(StickFit, WarnsWhereTheSearchEnds) {
     EXPECT_THAT(stick_fit_text(log, fit_stick(log)), ::testing::Not(HasSubstr("Warning")));
 }
 
+TEST(StickFit, WarnsWhereNoStickMovesSo) {
+    auto log = log_of({.stick_speed = 0.1, .action_latency = {2, 2}});
+    for (auto& [x, y] : log.measured) x = -x, y = -y;
+    EXPECT_THAT(stick_fit_text(log, fit_stick(log)), HasSubstr("radii away from the log's"));
+}
+
 class StickLogs : public ::testing::Test {
   protected:
     std::string error_of(const std::string& text) {

@@ -519,6 +519,45 @@ TEST_F(Runs, AnEvaluationIsBesideTheRulesThatItWasPlayedBy) {
     EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).settings.at("env.mode"), "0") << "of the training";
 }
 
+TEST_F(Runs, AnEvaluationThatNamesTheRunsOwnGameCounts) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    for (const auto* game : {"pong", "ALE/Pong-v5"}) {
+        folders_.write("a/evaluations/x/protocol.json",
+                       fmt::format(R"({{"games": 1, "settings": {{"env.game": "{}"}}}})", game));
+        folders_.write("a/evaluations/x/step_000000100.csv", "episode,return,length,frames\n0,7,1,4\n");
+        const auto run = found(ScoreKind::evaluation).runs.at(0);
+        EXPECT_EQ(run.score(), 7) << game;
+        EXPECT_EQ(run.settings.at("evaluation"), "games 1");
+    }
+    folders_.write("a/evaluations/x/protocol.json", R"({"games": 1, "settings": {"env.game": "breakout"}})");
+    EXPECT_THAT(found(ScoreKind::evaluation).left_out.at(0).why, HasSubstr("only on another one"));
+}
+
+TEST_F(Runs, AnEvaluationWithFewerGamesThanWerePlayedIsCut) {
+    folders_.run("a", "sac", "Pong", 1, {-21});
+    folders_.write("a/evaluations/x/protocol.json", R"({"games": 2})");
+    folders_.write("a/evaluations/x/step_000000100.json", R"({"games": 2})");
+    folders_.write("a/evaluations/x/step_000000100.csv", "episode,return,length,frames\n0,7,1,4\n");
+    EXPECT_THAT(found(ScoreKind::evaluation).left_out.at(0).why,
+                HasSubstr("step_000000100.csv is cut: it has 1 games, and 2 were played"));
+    folders_.write("a/evaluations/x/step_000000100.csv", "episode,return,length,frames\n0,7,1,4\n1,9,1,4\n");
+    EXPECT_EQ(found(ScoreKind::evaluation).runs.at(0).score(), 8);
+}
+
+TEST_F(Runs, ThatWereChangedOnTheWayAreOfNoOtherGroup) {
+    const std::string settings = "agent: {learning_rate: 1e-3}\n";
+    for (const auto* name : {"a", "b"}) folders_.run(name, "sac", "Pong", 1, {-21}, settings);
+    ASSERT_THAT(labels(), ElementsAre("sac"));
+    folders_.write("a/metadata.json",
+                   R"({"env_id": "ALE/Pong-v5", "exp_name": "sac", "seed": 1, "accepted_changes":
+        ["2026-11-22T10:00:00Z: agent.learning_rate is 1e-3, and was 6.25e-5"]})");
+    const auto runs = found().runs;
+    EXPECT_THAT(group_runs(runs, {}), SizeIs(2));
+    EXPECT_EQ(runs.at(0).settings.at("accepted_changes"), "agent.learning_rate is 1e-3, and was 6.25e-5");
+    EXPECT_THAT(runs.at(0).doubts, ElementsAre(HasSubstr("it was resumed with other settings")));
+    EXPECT_THAT(runs.at(1).doubts, IsEmpty());
+}
+
 TEST_F(Runs, TheSameRunTwiceCountsOnce) {
     folders_.run("a", "sac", "Pong", 1, {-21});
     folders_.run("b", "sac", "Pong", 1, {-21, -20});

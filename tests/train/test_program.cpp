@@ -1215,6 +1215,12 @@ TEST(CaleProgram, AReportHasTheScoresOfATableOfTheUsersBesideIt) {
     EXPECT_THAT(read_file(folder.path() / "reports/run/report.html"), testing::HasSubstr("mine"));
     EXPECT_THAT(cale_says("report run --baselines m --baselines-file mine.csv", folder.path()).text,
                 testing::HasSubstr("mine.csv has no such column; the nearest are mine"));
+    const auto replaced = cale_says("report run --resamples 10 --baselines sac --baselines-file "
+                                    "reports/run/run_curves.csv",
+                                    folder.path());
+    EXPECT_EQ(replaced.code, 2);
+    EXPECT_THAT(replaced.text,
+                testing::HasSubstr("--baselines-file reports/run/run_curves.csv: it is in reports/run"));
     const auto piped =
         shell_says(fmt::format("cd '{}' && cat mine.csv | {}/cale report run --resamples 10 --baselines mine "
                                "--baselines-file /dev/stdin -o piped 2>&1",
