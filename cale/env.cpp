@@ -95,11 +95,11 @@ void check_joystick(const EnvConfig& config) {
 void check_numbered_actions(const EnvConfig& config) {
     if (config.action_space == ActionSet::continuous || !moves(config.motion)) return;
     if (reaches_every_event(config)) return;
-    throw std::invalid_argument("env.action_space=" + std::string(name_of(config.action_space)) +
-                                " and a joystick that moves (" + changed_settings(config.motion) +
-                                ") need env.threshold above 0 and below 0.7071, where its diagonals are, and "
-                                "env.event_map=symmetric: "
-                                "change these, or set env.action_space to continuous");
+    throw std::invalid_argument(
+        "env.action_space=" + std::string(name_of(config.action_space)) + " and a joystick that moves (" +
+        changed_settings(config.motion) +
+        ") need env.threshold above 0 and below 0.7071, where its diagonals are, and "
+        "env.event_map=symmetric: change these, or set env.action_space to continuous");
 }
 
 /// Throws std::invalid_argument, in one sentence, for settings that do not go together.
