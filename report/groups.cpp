@@ -158,8 +158,10 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
     std::vector<std::string> differing{"agent"};
     for (const auto& key : keys)
         if (count_groups(runs, {key}) > 1) differing.push_back(key);
-    throw std::invalid_argument(fmt::format("--group-by {}: no run has such a setting; the runs differ in {}",
-                                            wanted, fmt::join(differing, ", ")));
+    throw std::invalid_argument(fmt::format(
+        "--group-by {}: no run has such a setting, or it has no effect on results; the runs differ "
+        "in {}",
+        wanted, fmt::join(differing, ", ")));
 }
 
 bool all_agree(const SettingRow& row) {
@@ -179,7 +181,10 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
     } else {
         std::vector<std::string> full;
         full.reserve(keys.size());
-        for (const auto& key : keys) full.push_back(full_key(key, pointers));
+        for (const auto& key : keys) {
+            auto name = full_key(key, pointers);
+            if (std::ranges::find(full, name) == full.end()) full.push_back(std::move(name));
+        }
         for (const auto* run : pointers) labels[run] = label_of(*run, full);
     }
     std::map<std::pair<std::string, bool>, Group> groups;  // a recorded one may have the label of another

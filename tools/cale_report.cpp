@@ -77,10 +77,16 @@ std::vector<std::string> listed_names(const std::vector<std::string>& texts,
         if (contains(groups, text)) {
             names.push_back(text);
         } else {
-            std::ranges::move(split(text, ','), std::back_inserter(names));
+            for (auto& name : split(text, ',')) names.push_back(CLI::detail::trim(name));
         }
     }
     return names;
+}
+
+/// For lists: 'agent, agent.encoder' is 'agent,agent.encoder'.
+std::string trim(std::string& text) {
+    CLI::detail::trim(text);
+    return {};
 }
 
 /// 'cale' stands for all our own results; another name is one of their groups, or a column of published
@@ -155,7 +161,8 @@ fs::path output_folder(const Options& options) {
 /// A report replaces the files of an earlier one, run_curves.csv among them.
 void require_another_folder(const Options& options, const fs::path& folder) {
     if (options.baselines_csv.empty()) return;
-    const auto table = fs::weakly_canonical(options.baselines_csv);
+    std::error_code none;  // a pipe has no path
+    const auto table = fs::weakly_canonical(options.baselines_csv, none);
     if (table.parent_path() != fs::weakly_canonical(folder)) return;
     throw std::invalid_argument(
         fmt::format("--baselines-file {}: it is in {}, where the report would replace it; name another "
@@ -248,6 +255,7 @@ void add_report(CLI::App& app) {
             "the settings that make groups, with commas, 'agent' among them; if not given: whatever differs")
         ->type_name("KEYS")
         ->delimiter(',')
+        ->transform(CLI::Validator(trim, ""))
         ->allow_extra_args(false);
     command
         .add_option("--name", options->names,

@@ -595,6 +595,7 @@ TEST_F(Runs, AreGroupedByWhatDiffers) {
     EXPECT_THAT(labels({"gamma"}), ElementsAre("gamma=0.9", "gamma=0.99"));
     EXPECT_THAT(labels({"agent", "agent.encoder"}),
                 ElementsAre("dqn, no encoder", "sac, phi_dqn", "sac, phi_sac"));
+    EXPECT_EQ(labels({"agent", "encoder", "agent.encoder"}), labels({"agent", "agent.encoder"}));
     const auto rows = differing_settings(group_runs(found().runs, {"agent"}));
     ASSERT_THAT(rows, SizeIs(1)) << "those that all groups have";
     EXPECT_EQ(rows[0].key, "agent.gamma");

@@ -1215,9 +1215,15 @@ TEST(CaleProgram, AReportHasTheScoresOfATableOfTheUsersBesideIt) {
     EXPECT_THAT(read_file(folder.path() / "reports/run/report.html"), testing::HasSubstr("mine"));
     EXPECT_THAT(cale_says("report run --baselines m --baselines-file mine.csv", folder.path()).text,
                 testing::HasSubstr("mine.csv has no such column; the nearest are mine"));
-    const auto replaced = cale_says("report run --resamples 10 --baselines sac --baselines-file "
-                                    "reports/run/run_curves.csv",
-                                    folder.path());
+    const auto blanks = cale_says(
+        "report run --resamples 10 --baselines 'cale, mine' --baselines-file mine.csv", folder.path());
+    EXPECT_THAT(blanks.text, testing::HasSubstr("--baselines cale: mine.csv has no such column"));
+    const auto listed = cale_says("report run --resamples 10 --group-by 'agent, colour'", folder.path());
+    EXPECT_THAT(listed.text, testing::HasSubstr("--group-by colour: no run has such a setting"));
+    const auto replaced = cale_says(
+        "report run --resamples 10 --baselines sac --baselines-file "
+        "reports/run/run_curves.csv",
+        folder.path());
     EXPECT_EQ(replaced.code, 2);
     EXPECT_THAT(replaced.text,
                 testing::HasSubstr("--baselines-file reports/run/run_curves.csv: it is in reports/run"));
