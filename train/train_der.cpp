@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
         "configs/der/ram100k_joystick.yaml (the joystick, from the console's memory), "
         "configs/der/joystick100k.yaml (the joystick, from pixels), "
         "configs/der/atari100k.yaml (the paper's, with discrete actions). Without one the "
-        "agent has the settings of configs/der/atari100k.yaml, and a run lasts 200 million "
-        "frames; configs/der/200m.yaml has Rainbow's settings for such a run.",
+        "agent has the settings of configs/der/atari100k.yaml but for agent.replay_capacity, and a "
+        "run lasts 200 million frames; configs/der/200m.yaml has Rainbow's settings for such a run.",
         cale::make_der, argc, argv);
 }
