@@ -205,19 +205,25 @@ class Schedule {
 
     void count_steps(std::int64_t steps) { steps_ += steps; }
     std::int64_t begun() const { return begun_; }
+    std::int64_t steps() const { return steps_; }
 
   private:
     const EvaluationPlan& plan_;
     std::int64_t begun_ = 0, steps_ = 0;
 };
 
-/// The games of the smallest number of games, in their order, that lasted `steps` agent steps together.
-void drop_games_after(std::vector<EvaluatedGame>& games, std::int64_t steps) {
-    std::int64_t before = 0;
-    const auto last = std::ranges::find_if(games, [&](const EvaluatedGame& game) {
-        return std::exchange(before, before + game.length) >= steps;
-    });
-    games.erase(last, games.end());
+/// How many of the games begun, in their order, have lasted `steps` agent steps together; all where they have
+/// not yet.
+std::int64_t games_of_steps(std::int64_t steps, const std::vector<EvaluatedGame>& ended,
+                            const Games& under_way) {
+    std::vector<std::int64_t> lengths;
+    lengths.reserve(ended.size());
+    for (const auto& game : ended) lengths.push_back(game.length);
+    for (const auto& game : under_way)
+        if (game) lengths[static_cast<std::size_t>(game->number())] = game->result().length;
+    std::size_t count = 0;
+    for (std::int64_t sum = 0; count < lengths.size() && sum < steps; ++count) sum += lengths[count];
+    return static_cast<std::int64_t>(count);
 }
 
 void add_up(Evaluation& evaluation) {
@@ -316,8 +322,13 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
             if (plan.ended) plan.ended(game->number(), game->result());
             game.reset();
         }
+        if (schedule.steps() < plan.steps) continue;
+        // The games before these have lasted long enough, so that they would be dropped.
+        const auto enough = games_of_steps(plan.steps, evaluation.games, games);
+        for (auto& game : games)
+            if (game && game->number() >= enough) game.reset();
     }
-    drop_games_after(evaluation.games, plan.steps);
+    evaluation.games.resize(static_cast<std::size_t>(games_of_steps(plan.steps, evaluation.games, games)));
     for (auto number = std::ssize(evaluation.games); number < schedule.begun() && !plan.step_logs.empty();
          ++number)
         std::filesystem::remove(step_log_file(plan, number));

@@ -59,10 +59,11 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     }
     if (observation_space(env).frame_size() != policy.frame_height * policy.frame_width) {
         throw std::invalid_argument(
-            fmt::format("this policy was trained with other observations, of {} numbers, and env.obs={} and "
-                        "env.observe_joystick={} make ones of {}: leave env.obs and env.observe_joystick out",
+            fmt::format("this policy was trained with other observations, of {} numbers, and env.obs={}, "
+                        "env.observe_joystick={} and env.frame_skip={} make ones of {}: leave env.obs, "
+                        "env.observe_joystick and env.frame_skip out",
                         policy.frame_height * policy.frame_width, name_of(env.obs), env.observe_joystick,
-                        observation_space(env).frame_size()));
+                        env.frame_skip, observation_space(env).frame_size()));
     }
     if (continuous) return;
     const Env world(env, /*seed=*/0);

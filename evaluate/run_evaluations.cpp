@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "cale/text.h"
 #include "report/csv.h"
 #include "storage/checksum.h"
 #include "storage/files.h"
@@ -176,11 +177,11 @@ void PlayedGames::write(std::int64_t number, const EvaluatedGame& game) {
 
 std::string evaluation_table(const std::vector<EvaluationRow>& rows) {
     std::size_t widest = 3;
-    for (const auto& row : rows) widest = std::max(widest, row.run.size());
+    for (const auto& row : rows) widest = std::max(widest, printable(row.run).size());
     std::string text = fmt::format("{:<{}}  {:>11}  {:>5}  {:>10}  {:>9}  {:>10}  {:>16}\n", "run", widest,
                                    "agent steps", "games", "mean", "std", "median", "human-normalised");
     for (const auto& [run, result, failure] : rows) {
-        text += fmt::format("{:<{}}  ", run, widest);
+        text += fmt::format("{:<{}}  ", printable(run), widest);
         if (!result) {
             text += fmt::format("none: {}\n", failure);
             continue;

@@ -17,7 +17,7 @@ namespace cale {
 namespace {
 
 constexpr double kFramesPerSecond = 60;
-constexpr double kLongestLog = 600;  // seconds
+constexpr double kLongestLog = 600, kLongestGap = 0.1;  // seconds
 constexpr double kRounding =
     5.1e-4;  // seconds that a row's time may be off by, which is given to the millisecond
 constexpr std::size_t kMostLatency = 60;  // frames
@@ -63,6 +63,21 @@ Rows rows_of(const CsvTable& table) {
         }
     }
     return rows;
+}
+
+/// Throws where the stick moved between two rows that lie too far apart to say how.
+void require_no_gaps(const CsvTable& table, const Rows& rows) {
+    for (std::size_t row = 1; row < rows.seconds.size(); ++row) {
+        const double gap = rows.seconds[row] - rows.seconds[row - 1];
+        const auto &from = rows.measured[row - 1], &to = rows.measured[row];
+        const double moved = std::hypot(to.x - from.x, to.y - from.y);
+        if (gap > kLongestGap + kRounding && moved > 0.05)
+            refuse(table, row,
+                   fmt::format(
+                       "the stick moved by {:.2g} radii in the {:.3g} s before this row: log it every {} "
+                       "s or more often while it moves",
+                       moved, gap, kLongestGap));
+    }
 }
 
 StickSample between(const StickSample& a, const StickSample& b, double part) {
@@ -179,6 +194,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
         throw std::runtime_error(fmt::format(
             "{}: the stick is never {} by more than 0.05 radii: nothing can be fitted", csv.string(), name));
     }
+    require_no_gaps(table, rows);
     StickLog log;
     std::size_t row = 0;
     for (std::size_t frame = 1;

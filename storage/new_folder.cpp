@@ -1,5 +1,6 @@
 #include "storage/new_folder.h"
 
+#include <ranges>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -9,41 +10,42 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// The topmost of the folders that are not there and lead to `path`; empty: all are there.
-fs::path topmost_missing(fs::path path) {
-    fs::path missing;
-    for (; !path.empty() && !fs::exists(path); path = path.parent_path()) missing = path;
+/// The folders on the way to `path` that are not there, from the top.
+std::vector<fs::path> missing_folders(const fs::path& path) {
+    std::vector<fs::path> missing;
+    fs::path folder;
+    for (const auto& part : path)
+        if (!fs::exists(folder /= part)) missing.push_back(folder);
     return missing;
 }
 
 }  // namespace
 
-NewFolder::NewFolder(fs::path path, fs::path topmost)
-    : path_(std::move(path)), topmost_(std::move(topmost)) {}
+NewFolder::NewFolder(fs::path path, std::vector<fs::path> created)
+    : path_(std::move(path)), created_(std::move(created)) {}
 
-/// Without a slash at its end `path` has the parents that its folders have.
 NewFolder::NewFolder(const fs::path& path)
-    : path_((path / "").parent_path()), topmost_(topmost_missing(path_)) {
+    : path_((path / "").parent_path()), created_(missing_folders(path_)) {
     fs::create_directories(path_);
 }
 
 NewFolder NewFolder::with_a_free_name(const fs::path& path) {
-    const auto missing = topmost_missing(path.parent_path());
+    auto created = missing_folders(path.parent_path());
     if (path.has_parent_path()) fs::create_directories(path.parent_path());
     for (int number = 1;; ++number) {
         const auto name = number == 1 ? path : fs::path(path.string() + "_" + std::to_string(number));
-        if (fs::create_directory(name)) return {name, missing.empty() ? name : missing};
+        if (!fs::create_directory(name)) continue;
+        created.push_back(name);
+        return {name, std::move(created)};
     }
 }
 
 NewFolder::~NewFolder() {
-    if (topmost_.empty()) return;
-    std::error_code refused;  // of a folder that is not empty
-    for (auto folder = path_; fs::remove(folder, refused) && folder != topmost_;)
-        folder = folder.parent_path();
+    std::error_code refused;  // of a folder that is not empty, and of one with "..", which is another one
+    for (const auto& folder : created_ | std::views::reverse) fs::remove(folder, refused);
 }
 
 NewFolder::NewFolder(NewFolder&& other) noexcept
-    : path_(std::move(other.path_)), topmost_(std::exchange(other.topmost_, {})) {}
+    : path_(std::move(other.path_)), created_(std::exchange(other.created_, {})) {}
 
 }  // namespace cale

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <vector>
 
 namespace cale {
 
@@ -21,10 +22,10 @@ class NewFolder {
     const std::filesystem::path& path() const { return path_; }
 
   private:
-    NewFolder(std::filesystem::path path, std::filesystem::path topmost);
+    NewFolder(std::filesystem::path path, std::vector<std::filesystem::path> created);
 
     std::filesystem::path path_;
-    std::filesystem::path topmost_;  // of those created; empty: none
+    std::vector<std::filesystem::path> created_;  // from the top
 };
 
 }  // namespace cale

@@ -41,11 +41,11 @@ double seconds_left(const Progress& progress) {
 }
 
 /// Until the games are played or the steps are taken, whichever comes first. Games under way are taken to
-/// last as long as those that have ended.
+/// last as long as those that have ended; how long the last ones go on after the steps is not known.
 double seconds_left(const GamesProgress& progress) {
     double left = std::numeric_limits<double>::infinity();
     const auto steps = static_cast<double>(progress.steps);
-    if (progress.total_steps > 0) left = static_cast<double>(progress.total_steps) - steps;
+    if (progress.total_steps > progress.steps) left = static_cast<double>(progress.total_steps) - steps;
     if (progress.total_games > 0 && progress.games > 0)
         left = std::min(left, static_cast<double>(progress.total_games) * progress.mean_length - steps);
     if (progress.total_games > 0 && progress.games >= progress.total_games) left = 0;

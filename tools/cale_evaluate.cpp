@@ -319,6 +319,7 @@ int evaluate_runs(const Options& options, const std::vector<fs::path>& runs, tor
             if (dynamic_cast<const EvaluatedElsewhere*>(&error) == nullptr) exit_code = kFailed;
         }
     }
+    console.clear();
     std::fputs(evaluation_table(rows).c_str(), stdout);
     return exit_code;
 }

@@ -189,6 +189,7 @@ int run(const Options& options) {
         std::fflush(stdout);
     };
     const auto counts = play(plan, stage);
+    console.clear();
     if (plan.real_time) {
         std::fputs(fmt::format("{} frames; {} of them were played while an observation had not been looked "
                                "at; the console was {} frames behind its clock\n",
@@ -199,7 +200,6 @@ int run(const Options& options) {
     if (!plan.video.empty() && std::filesystem::exists(plan.video))
         std::fputs(fmt::format("{}\n", plan.video.string()).c_str(), stdout);
     if (!stop_requested()) return kDone;
-    console.clear();
     std::fputs(fmt::format("cale play: ended by {} before the game did\n", stop_signal()).c_str(), stderr);
     return kInterrupted;
 }

@@ -155,6 +155,18 @@ TEST(EvaluationEmulator, FixedStepsEndsWithTheGameThatReachesThem) {
     EXPECT_EQ(together.events, alone.events);
 }
 
+TEST(EvaluationEmulator, FixedStepsPlaysNoGameToItsEndThatDoesNotCount) {
+    auto plan = short_games();
+    plan.env.noop_max = 0;
+    plan.games = kNoLimit;
+    plan.steps = 60;
+    plan.parallel = 8;
+    std::vector<std::int64_t> ended;
+    plan.ended = [&](std::int64_t number, const EvaluatedGame&) { ended.push_back(number); };
+    EXPECT_EQ(evaluate(by_sight(), plan).games.size(), 2u);
+    EXPECT_THAT(ended, testing::UnorderedElementsAre(0, 1));
+}
+
 TEST(EvaluationEmulator, GamesThatAreKnownAreNotPlayedAgain) {
     for (const bool by_steps : {false, true}) {
         auto plan = short_games();

@@ -152,6 +152,8 @@ TEST_F(StickLogs, OfCommandsBetweenFramesHaveTheSameLatency) {
 
 TEST_F(StickLogs, ThatCannotBeUsedAreNamed) {
     const std::string header = "seconds,command_x,command_y,x,y\n";
+    EXPECT_THAT(error_of(header + "0,1,0,0,0\n0.1,1,0,0.1,0\n0.45,1,0,1,0\n0.6,1,0,1,0\n"),
+                HasSubstr("log.csv:4: the stick moved by 0.9 radii in the 0.35 s before this row"));
     EXPECT_THAT(
         error_of("seconds,command_x,x,y\n0,0,0,0\n"),
         HasSubstr("log.csv: there is no column 'command_y'; it needs seconds,command_x,command_y,x,y"));

@@ -108,6 +108,9 @@ TEST(ProgressOfGames, MayBeOfStepsInstead) {
                            .mean_length = 1000};
     EXPECT_THAT(progress_bar(progress, 140), StartsWith(" 25% ["));
     EXPECT_THAT(progress_bar(progress, 140), HasSubstr("1 game  mean return 2.0  ETA 3:08"));
+    progress.steps = 125'000;  // those under way are played to their ends
+    EXPECT_THAT(progress_bar(progress, 140), HasSubstr("ETA -"));
+    progress.steps = 31'250;
     progress.total_games = 4;  // games of 1,000 steps: these are played first, or would be
     EXPECT_THAT(progress_bar(progress, 140), HasSubstr("1/4 games  mean return 2.0  ETA 0:00"));
     EXPECT_THAT(progress_bar({.total_games = 1, .steps = 10, .steps_per_second = 5}, 140),
