@@ -26,8 +26,8 @@ struct StickLog {
 /// until the next row; between two rows the measured position is interpolated. Throws std::runtime_error,
 /// naming the file, where it cannot be read, times do not increase, a position is more than 1.2 radii from
 /// the centre, the stick does not begin in its centre, is never commanded to move or never moves by more than
-/// 0.05 radii, does so between two rows that are more than 0.1 s apart, or the log is shorter than half a second
-/// or longer than 600 s.
+/// 0.05 radii, does so between two rows that are more than 0.1 s apart, or the log is shorter than half a
+/// second or longer than 600 s.
 StickLog read_stick_log(const std::filesystem::path& csv);
 
 /// Returns where a stick that moves so is in each frame of the log, which begins at rest in the centre. The

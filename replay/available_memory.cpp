@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "replay/control_groups.h"
+
 namespace cale {
 namespace {
 
@@ -65,24 +67,9 @@ std::int64_t available_memory(const fs::path& root) {
     if (const auto kibibytes = number_of(root / "proc/meminfo", "MemAvailable:")) consider(*kibibytes * 1024);
     consider(left_of_address_space(root / "proc/self"));
 
-    // Lines are "0::/path" (version 2) or "4:memory:/path" (version 1). In a container the
-    // path may be the host's; the group is then at the top. Every group above limits, too.
-    std::ifstream groups(root / "proc/self/cgroup");
-    for (std::string line; std::getline(groups, line);) {
-        const auto first = line.find(':');
-        const auto second = line.find(':', first + 1);
-        if (first == std::string::npos || second == std::string::npos) continue;
-        const std::string controllers = line.substr(first + 1, second - first - 1);
-        const bool version_2 = controllers.empty();
-        if (!version_2 && controllers.find("memory") == std::string::npos) continue;
-        const fs::path top = root / (version_2 ? "sys/fs/cgroup" : "sys/fs/cgroup/memory");
-        for (fs::path group = fs::path(line.substr(second + 1)).relative_path();;
-             group = group.parent_path()) {
-            consider(version_2
-                         ? left_in_group(top / group, "memory.max", "memory.current")
-                         : left_in_group(top / group, "memory.limit_in_bytes", "memory.usage_in_bytes"));
-            if (group.empty()) break;
-        }
+    for (const auto& [group, version_2] : control_groups(root, "memory")) {
+        consider(version_2 ? left_in_group(group, "memory.max", "memory.current")
+                           : left_in_group(group, "memory.limit_in_bytes", "memory.usage_in_bytes"));
     }
     return least;
 }

@@ -12,6 +12,7 @@
 #include "settings/setting_texts.h"
 #include "storage/files.h"
 #include "storage/metadata_text.h"
+#include "storage/step_name.h"
 #include "sweep/run_folder.h"
 #include "sweep/settings.h"
 #include "train/checkpoint.h"
@@ -72,7 +73,8 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     } catch (const std::exception& error) {
         return fmt::format("its folder cannot be read: {}", error.what());
     }
-    const auto step = newest_checkpoint(folder);
+    const auto checkpoints = list_checkpoints(folder);
+    const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back(), "");
     if (const auto strange = step ? "" : strange_file(folder); !strange.empty())
         return fmt::format(
             "its folder has no checkpoint and holds '{}', which starting the run would delete; "
@@ -83,8 +85,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
                "move its folder away, or give the sweep another --dir";
     if (!step) return "";
     try {
-        if (auto lack = lacks(folder / "config.yaml", list_checkpoints(folder).back() / "config.yaml");
-            !lack.empty())
+        if (auto lack = lacks(folder / "config.yaml", checkpoints.back() / "config.yaml"); !lack.empty())
             return lack;
         const auto text = changes(planned, trained_in(folder, step));
         if (!text.empty())

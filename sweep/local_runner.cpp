@@ -35,6 +35,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kPollInterval = std::chrono::milliseconds(100);
 constexpr auto kGrace = std::chrono::seconds(1);
+constexpr auto kPause = std::chrono::seconds(10);
 
 /// What a run did that came to the end of what was planned.
 std::string_view end_of(const PlannedRun& planned) {
@@ -57,7 +58,7 @@ struct Job {
     RunStatus status{};
     int failures = 0;             // in a row, without a newer checkpoint
     std::int64_t started_at = 0;  // agent step of the checkpoint that it was resumed from
-    Clock::time_point started{};
+    Clock::time_point started{}, not_before{};
     pid_t process = 0;
     bool waits = false;     // for another process
     bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
@@ -111,16 +112,29 @@ class LocalRunner {
         for (auto tries = queue_.size(); tries > 0 && !free_slots_.empty(); --tries) {
             Job& job = *queue_.front();
             queue_.pop_front();
+            if (Clock::now() < job.not_before) {
+                queue_.push_back(&job);
+                continue;
+            }
             try {
                 start(job);
             } catch (const fs::filesystem_error& error) {
-                failed(job,
-                       fmt::format("cannot write '{}': {}", error.path1().string(), error.code().message()),
-                       /*try_again=*/true);
+                const bool in_the_way =
+                    error.code() == std::errc::not_a_directory || error.code() == std::errc::file_exists;
+                cannot_start(
+                    job, fmt::format("cannot write '{}': {}", error.path1().string(), error.code().message()),
+                    /*try_again=*/!in_the_way);
             } catch (const std::exception& error) {
-                failed(job, error.what(), /*try_again=*/true);
+                cannot_start(job, error.what(), /*try_again=*/true);
             }
         }
+    }
+
+    /// What keeps a run from starting may keep all from it for a moment, as a disk that refuses to write:
+    /// without a pause they would be given up at once.
+    void cannot_start(Job& job, const std::string& reason, bool try_again) {
+        job.not_before = Clock::now() + kPause;
+        failed(job, reason, try_again);
     }
 
     void start(Job& job) {

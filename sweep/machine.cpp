@@ -1,12 +1,15 @@
 #include "sweep/machine.h"
 
 #include <algorithm>
+#include <cmath>
+#include <fstream>
 
 #include <fmt/format.h>
 
 #include "cale/cores.h"
 #include "cale/text.h"
 #include "replay/available_memory.h"
+#include "replay/control_groups.h"
 #include "settings/command_line.h"
 #include "settings/config.h"
 
@@ -18,8 +21,14 @@ std::vector<std::string> devices_of(const Machine& machine, const Sharing& shari
     std::vector<std::string> devices;
     const auto gpus = static_cast<std::uint64_t>(machine.gpus);
     // A GPU that is not there would fail every run, one after the other.
-    for (const auto& device : sharing.devices) {
-        devices.push_back(find_device(device, gpus).str());
+    for (const auto& name : sharing.devices) {
+        auto device = find_device(name, gpus);
+        if (device.is_cuda() && !device.has_index()) device.set_index(0);
+        devices.push_back(device.str());
+        if (std::ranges::count(devices, devices.back()) > 1)
+            throw ConfigError(
+                fmt::format("--device {} is given more than once; --per-gpu says how many runs share it",
+                            devices.back()));
     }
     if (!devices.empty()) return devices;
     devices.reserve(static_cast<std::size_t>(machine.gpus));
@@ -35,7 +44,24 @@ std::string gigabytes(std::int64_t bytes) {
 }  // namespace
 
 Machine Machine::here() {
-    return {.cpus = usable_cores(), .memory = available_memory()};
+    return {.cpus = usable_cores(), .memory = available_memory(), .quota = core_quota()};
+}
+
+std::size_t core_quota(const std::filesystem::path& root) {
+    std::size_t least = 0;
+    for (const auto& [group, version_2] : control_groups(root, "cpu")) {
+        double time = 0, period = 0;  // microseconds
+        if (version_2) {
+            std::ifstream(group / "cpu.max") >> time >> period;  // "max 100000" is no limit
+        } else {
+            std::ifstream(group / "cpu.cfs_quota_us") >> time;  // -1 is none
+            std::ifstream(group / "cpu.cfs_period_us") >> period;
+        }
+        if (time <= 0 || period <= 0) continue;
+        const auto cores = static_cast<std::size_t>(std::ceil(time / period));
+        least = least == 0 ? cores : std::min(least, cores);
+    }
+    return least;
 }
 
 void check_devices(std::span<const std::string> devices) {
@@ -53,9 +79,11 @@ Slots share(const Machine& machine, const Sharing& sharing, std::span<const Plan
     const auto threads = static_cast<std::size_t>(sharing.threads);
     const auto memory = sharing.memory_per_run > 0 ? sharing.memory_per_run : largest_memory(runs);
     Slots result;
-    auto jobs = std::max<std::size_t>(1, machine.cpus.size() / threads);
-    result.reason =
-        fmt::format("{}, {} a run", counted(machine.cpus.size(), "core"), counted(threads, "thread"));
+    const bool has_quota = machine.quota > 0 && machine.quota < machine.cpus.size();
+    const auto cores = has_quota ? machine.quota : machine.cpus.size();
+    auto jobs = std::max<std::size_t>(1, cores / threads);
+    result.reason = fmt::format("{}{}, {} a run", counted(cores, "core"), has_quota ? " of the quota" : "",
+                                counted(threads, "thread"));
     const auto limit = [&](std::size_t most, std::string reason) {
         if (most >= jobs) return;
         jobs = std::max<std::size_t>(1, most);
@@ -75,8 +103,7 @@ Slots share(const Machine& machine, const Sharing& sharing, std::span<const Plan
     limit(runs.size(), "all of them");
 
     // Only where the sweep fills the machine: beside other work the kernel places runs better.
-    const bool own_cores =
-        jobs * threads <= machine.cpus.size() && (jobs + 1) * threads > machine.cpus.size();
+    const bool own_cores = !has_quota && jobs * threads <= cores && (jobs + 1) * threads > cores;
     for (std::size_t job = 0; job < jobs; ++job) {
         Slot slot{.device = devices[job % devices.size()]};
         if (own_cores) {

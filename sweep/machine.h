@@ -1,7 +1,9 @@
 // How many runs a machine trains at once, and the cores and device of each.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,6 +16,7 @@ struct Machine {
     std::vector<int> cpus;    // that this process may use
     std::int64_t memory = 0;  // bytes that are left
     int gpus = 0;             // that LibTorch can use
+    std::size_t quota = 0;    // cores' worth of time that a control group grants; 0: no limit
 
     /// The machine that this process is on; `gpus` is for the caller to fill in.
     static Machine here();
@@ -38,6 +41,10 @@ struct Slots {
     std::vector<Slot> slots;
     std::string reason;  // why that many: "2 cores, 1 thread a run"
 };
+
+/// How many cores' time the control groups of this process grant (docker --cpus), rounded up; 0 where they do
+/// not limit it. `root` is the folder that holds proc/ and sys/.
+std::size_t core_quota(const std::filesystem::path& root = "/");
 
 /// Throws ConfigError where auto, or cpu beside another one, is among the devices.
 void check_devices(std::span<const std::string> devices);

@@ -134,6 +134,7 @@ class Reader {
     }
 
     std::string word(const YAML::Node& node) const {
+        if (node.IsNull()) fail(node, "there is no value; write none where a setting is to have none");
         if (!node.IsScalar()) fail(node, "expected a single word or number");
         return node.Scalar();
     }
@@ -431,9 +432,11 @@ class RunMaker {
     std::map<std::string, std::string> short_keys_;
 };
 
-std::vector<std::vector<Setting>> samples_of(const fs::path& file, const SearchSpace& space) {
+/// Returns what `make` returns; its ConfigError names the file.
+template <class Make>
+auto with_file(const fs::path& file, const Make& make) {
     try {
-        return draw_samples(space);
+        return make();
     } catch (const ConfigError& error) {
         throw ConfigError(fmt::format("{}: {}", file.string(), error.what()));
     }
@@ -450,7 +453,7 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
     for (const auto& text : overrides) override_key(contents, text);
 
     Sweep sweep{.name = file.stem().string(), .search = contents.search};
-    if (contents.search) sweep.samples = samples_of(file, *contents.search);
+    if (contents.search) sweep.samples = with_file(file, [&] { return draw_samples(*contents.search); });
     sweep.places = places_of(contents, sweep.samples);
     const RunMaker maker(file, contents);
     std::map<std::string, std::size_t> seen;
@@ -469,7 +472,7 @@ Sweep read_sweep(const fs::path& file, std::span<const std::string> overrides) {
         }
         ++sweep.repeated;
     };
-    const auto all = combinations(contents.grid, contents.variants);
+    const auto all = with_file(file, [&] { return combinations(contents.grid, contents.variants); });
     if (all.size() * std::max<std::size_t>(1, sweep.samples.size()) > kMostRuns)
         throw ConfigError(fmt::format("{}: more than {} runs", file.string(), kMostRuns));
     for (const auto& varying : all) {

@@ -381,6 +381,7 @@ std::unique_ptr<World> make_one(const TrainingWorld& world) {
         const std::vector<std::uint32_t> seeds(std::max<std::size_t>(1, world.games.size()), 0);
         return world.make(seeds);
     } catch (const std::exception& error) {
+        if (is_out_of_memory(error)) throw;
         throw ConfigError(error.what());
     }
 }
@@ -454,6 +455,7 @@ TrainingWorld make_world(const TrainingProgram& program) {
         apply_real_time(program, world);
         return world;
     } catch (const std::exception& error) {
+        if (is_out_of_memory(error)) throw;
         throw ConfigError(error.what());
     }
 }

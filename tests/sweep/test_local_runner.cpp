@@ -211,7 +211,8 @@ TEST_F(LocalSweep, ARunOfAnotherSweepWithOtherSettingsIsRefusedOnceItIsDone) {
 
 TEST_F(LocalSweep, AFolderThatCannotBeMadeIsAFailureOfOneSentence) {
     fake_.write("runs/fast_0", "a file");
-    EXPECT_EQ(run(fake_.runs({"fast", "fast"}), 2, 0), 1);
+    EXPECT_EQ(run(fake_.runs({"fast", "fast"}), 2, 1), 1);
+    EXPECT_THAT(said(), testing::Not(HasSubstr("retrying"))) << "a file does not go away by waiting";
     EXPECT_THAT(said(), HasSubstr("FAILED     fast_0  cannot write '" + (fake_.sweep() / "fast_0").string() +
                                   "': Not a directory\n"));
     EXPECT_EQ(state("fast_1"), RunPhase::finished);

@@ -74,6 +74,34 @@ TEST(Sharing, CudaDevicesTakeTurns) {
     EXPECT_EQ(share(machine, {.devices = {"cpu"}}, runs_of(100)).slots.size(), 4u);
 }
 
+TEST(Sharing, AQuotaOfTheirTimeLimitsCores) {
+    Machine machine = kFourCores;
+    machine.quota = 3;
+    auto slots = share(machine, {}, runs_of(100));
+    EXPECT_EQ(slots.slots.size(), 3u);
+    EXPECT_EQ(slots.reason, "3 cores of the quota, 1 thread a run");
+    EXPECT_THAT(slots.slots[0].cpus, IsEmpty()) << "others have the same cores";
+    machine.quota = 8;
+    EXPECT_EQ(share(machine, {}, runs_of(100)).reason, "4 cores, 1 thread a run");
+}
+
+TEST(Machine, HasTheSmallestQuotaOfItsControlGroups) {
+    const test::TemporaryFolder root;
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("proc/self/cgroup", "0::/job/step\n");
+    root.write("sys/fs/cgroup/job/step/cpu.max", "max 100000\n");
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("sys/fs/cgroup/job/cpu.max", "250000 100000\n");
+    root.write("sys/fs/cgroup/cpu.max", "400000 100000\n");
+    EXPECT_EQ(core_quota(root.path()), 3u);
+    root.write("proc/self/cgroup", "3:cpuset:/x\n4:cpu,cpuacct:/of/the/host\n");
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "50000\n");
+    EXPECT_EQ(core_quota(root.path()), 1u);
+}
+
 TEST(Sharing, RefusesWhatIsNoDevice) {
     for (const std::string device : {"gpu", "cuda:", "cuda:x", ""})
         EXPECT_THAT(
@@ -101,6 +129,12 @@ TEST(Sharing, RefusesACudaDeviceThatIsNotThere) {
               }),
               "--device cpu: give no other beside it, as a sweep's runs share GPUs or have none");
     EXPECT_EQ(mistake(2, "cuda:1"), "no error");
+    EXPECT_EQ(test::error_of<ConfigError>([] {
+                  Machine machine = kFourCores;
+                  machine.gpus = 2;
+                  share(machine, {.devices = {"cuda", "cuda:1", "cuda:0"}}, runs_of(1));
+              }),
+              "--device cuda:0 is given more than once; --per-gpu says how many runs share it");
 }
 
 TEST(Sharing, KnowsThisMachine) {

@@ -289,7 +289,9 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 0..4000000000}\n"),
                 HasSubstr("more than 100000 values"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: all, train.seed: 1..5000}\n"),
-                HasSubstr("more than 100000 runs"));
+                HasSubstr("mine.yaml: more than 100000 runs"));
+    EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, agent.epsilon_eval: null}\n"),
+                HasSubstr("mine.yaml:2:44: there is no value; write none"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: []}\n"), HasSubstr("'env.game' has no values"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: {a: b}}\n"), HasSubstr("expected a single word"));
     EXPECT_THAT(mistake("agent: sac\ngrid: 5\n"), HasSubstr("expected keys with their values"));
