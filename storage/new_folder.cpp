@@ -1,6 +1,5 @@
 #include "storage/new_folder.h"
 
-#include <ranges>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -42,7 +41,7 @@ NewFolder NewFolder::with_a_free_name(const fs::path& path) {
 
 NewFolder::~NewFolder() {
     std::error_code refused;  // of a folder that is not empty, and of one with "..", which is another one
-    for (const auto& folder : created_ | std::views::reverse) fs::remove(folder, refused);
+    for (auto folder = created_.rbegin(); folder != created_.rend(); ++folder) fs::remove(*folder, refused);
 }
 
 NewFolder::NewFolder(NewFolder&& other) noexcept
