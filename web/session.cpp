@@ -113,8 +113,7 @@ void Session::start(std::string_view changes, std::uint64_t seed) {
         throw std::invalid_argument(
             "this policy chooses among joystick events, and a stick with a speed or a latency reaches all of "
             "them only with a threshold above 0 and below 0.7071 and event_map=symmetric: change the "
-            "threshold, "
-            "or leave speed and latency at 0");
+            "threshold, or leave speed and latency at 0");
     }
     Env made(config, derive_seed(seed, "play", 0));  // a game under way is kept where this one is refused
     env_ = std::move(made);
