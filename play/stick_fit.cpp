@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kFramesPerSecond = 60;
 constexpr double kLongestLog = 600, kLongestGap = 0.1;  // seconds
+constexpr double kLeastMotion = 0.05;                   // radii
 constexpr double kRounding =
     5.1e-4;  // seconds that a row's time may be off by, which is given to the millisecond
 constexpr std::size_t kMostLatency = 60;  // frames
@@ -71,7 +72,7 @@ void require_no_gaps(const CsvTable& table, const Rows& rows) {
         const double gap = rows.seconds[row] - rows.seconds[row - 1];
         const auto &from = rows.measured[row - 1], &to = rows.measured[row];
         const double moved = std::hypot(to.x - from.x, to.y - from.y);
-        if (gap > kLongestGap + kRounding && moved > 0.05)
+        if (gap > kLongestGap + kRounding && moved > kLeastMotion)
             refuse(table, row,
                    fmt::format(
                        "the stick moved by {:.2g} radii in the {:.3g} s before this row: log it every {} "
@@ -187,7 +188,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
     }
     if (std::hypot(rows.measured[0].x, rows.measured[0].y) > 0.2)
         refuse(table, 0, "the stick must begin at rest in its centre, (0, 0)");
-    const auto moves = [](const StickSample& at) { return std::hypot(at.x, at.y) > 0.05; };
+    const auto moves = [](const StickSample& at) { return std::hypot(at.x, at.y) > kLeastMotion; };
     for (const auto& [name, samples] :
          {std::pair("commanded to move", &rows.commanded), std::pair("moved", &rows.measured)}) {
         if (std::ranges::any_of(*samples, moves)) continue;
@@ -302,10 +303,10 @@ StepResponse step_response(const EnvConfig& env, std::int64_t frames_held) {
     return response;
 }
 
-/// Sentences for a fit that is none and for each value that lies where the search ended; empty where there is
-/// neither.
+/// A sentence where the fit is far from the log, and one for each value that lies where the search ended;
+/// else empty.
 std::string warnings(const FittedStick& fit) {
-    constexpr double kFar = 0.25;  // radii; a stick that does as it is told is nearer in any log
+    constexpr double kFar = 0.25;  // radii; a stick that follows its commands is nearer in any log
     const auto& motion = fit.motion;
     std::string text;
     if (fit.error > kFar)

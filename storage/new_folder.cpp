@@ -44,7 +44,6 @@ NewFolder::~NewFolder() {
     for (auto folder = created_.rbegin(); folder != created_.rend(); ++folder) fs::remove(*folder, refused);
 }
 
-NewFolder::NewFolder(NewFolder&& other) noexcept
-    : path_(std::move(other.path_)), created_(std::exchange(other.created_, {})) {}
+NewFolder::NewFolder(NewFolder&&) noexcept = default;  // leaves the other one none to remove
 
 }  // namespace cale

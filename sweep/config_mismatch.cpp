@@ -74,7 +74,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
         return fmt::format("its folder cannot be read: {}", error.what());
     }
     const auto checkpoints = list_checkpoints(folder);
-    const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back(), "");
+    const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back());
     if (const auto strange = step ? "" : strange_file(folder); !strange.empty())
         return fmt::format(
             "its folder has no checkpoint and holds '{}', which starting the run would delete; "

@@ -374,16 +374,22 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
     }
 }
 
-/// Makes an environment once, of several games one each, so that what is wrong with it, or with a ROM, is
-/// said before anything is written.
-std::unique_ptr<World> make_one(const TrainingWorld& world) {
+/// Returns what `make` returns. What keeps it from that is an error of the settings, but for lack of memory.
+template <class Make>
+auto made(const Make& make) {
     try {
-        const std::vector<std::uint32_t> seeds(std::max<std::size_t>(1, world.games.size()), 0);
-        return world.make(seeds);
+        return make();
     } catch (const std::exception& error) {
         if (is_out_of_memory(error)) throw;
         throw ConfigError(error.what());
     }
+}
+
+/// Makes an environment once, of several games one each, so that what is wrong with it, or with a ROM, is
+/// said before anything is written.
+std::unique_ptr<World> make_one(const TrainingWorld& world) {
+    const std::vector<std::uint32_t> seeds(std::max<std::size_t>(1, world.games.size()), 0);
+    return made([&] { return world.make(seeds); });
 }
 
 void check_late_updates(const TrainingProgram& program) {
@@ -450,14 +456,11 @@ void apply_real_time(const TrainingProgram& program, TrainingWorld& world) {
 }
 
 TrainingWorld make_world(const TrainingProgram& program) {
-    try {
+    return made([&] {
         auto world = program.world();
         apply_real_time(program, world);
         return world;
-    } catch (const std::exception& error) {
-        if (is_out_of_memory(error)) throw;
-        throw ConfigError(error.what());
-    }
+    });
 }
 
 /// What the agent is made for. Throws ConfigError if it cannot be had here.

@@ -23,6 +23,7 @@ TEST(GoldenMapping, EveryRowAtEveryThreshold) {
     for (const auto& name : golden::files_with({"thresholds", "random", "boundary"})) {
         const auto file = golden::load(name);
         const auto thresholds = file["thresholds"].as<std::vector<float>>();
+        EXPECT_GE(file["random"].size() + file["boundary"].size(), 200U) << name;
         for (const char* table : {"random", "boundary"}) {
             EXPECT_GT(file[table].size(), 0U) << name << " " << table;
             for (const auto& row : file[table]) {
