@@ -357,6 +357,9 @@ class OnPolicy final : public Agent {
         for (const auto& coordinate : whole.action.unbind(1))
             coordinates.push_back(moments(coordinate, processes_).mean);
         add_mean_action(figures, spec_.action_space, torch::stack(coordinates));
+        // The same in every state.
+        const auto policy = state_.network(whole.observation.slice(0, 0, 1)).policy;
+        figures["charts/mean_log_std"] = policy.gaussian->log_std.mean().item<double>();
         return figures;
     }
 

@@ -136,7 +136,8 @@ struct OnPolicyState {
 using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, const RolloutBatch&)>;
 
 /// Returns the agent that minimises these losses, whose means over an update are logged as losses/<name>.
-/// Tags beside them: losses/explained_variance, charts/{learning_rate, epsilon, mean_<coordinate>}.
+/// Tags beside them: losses/explained_variance, charts/{learning_rate, epsilon, mean_<coordinate>,
+/// mean_log_std}.
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/..., and with AgentSpec::overlap acting/<parameter>.
 /// With AgentSpec::overlap it learns from a rollout on a thread of its own while the next one is filled, and

@@ -1,5 +1,6 @@
 # cmake --install: headers, libraries, programs; the package that find_package(cale) reads; pkg-config's files.
-# Each component can be installed alone: cmake --install build --component policy_lite.
+# policy_lite can be installed alone (cmake --install build --component policy_lite); env and policy need it, train needs
+# all three.
 include(CMakePackageConfigHelpers)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/cale)
 set(pkgconfig_dir ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
@@ -33,6 +34,10 @@ foreach(component policy_lite env policy train)
         DESTINATION ${package_dir} COMPONENT ${component})
     install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright
         COMPONENT ${component})
+    if(component MATCHES "^(env|train)$")  # they contain ALE
+        install(FILES ${PROJECT_SOURCE_DIR}/python/COPYING DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME GPL-2
+            COMPONENT ${component})
+    endif()
 endforeach()
 
 # What scripts/docs describes.

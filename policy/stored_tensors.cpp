@@ -230,7 +230,11 @@ std::string read_whole_file(const std::filesystem::path& path) {
     if (file && !may_be_header(std::bit_cast<std::uint64_t>(length), has_size ? expected : kMaxHeader))
         return bytes;
     for (std::size_t size = bytes.size(); file; size = bytes.size()) {
-        bytes.resize(std::max<std::size_t>({2 * size, expected + 1, 65'536}));
+        try {
+            bytes.resize(std::max<std::size_t>({2 * size, expected + 1, 65'536}));
+        } catch (const std::exception&) {  // bad_alloc, or more than a string can hold
+            fail(ENOMEM);
+        }
         file.read(bytes.data() + size, static_cast<std::streamsize>(bytes.size() - size));
         bytes.resize(size + static_cast<std::size_t>(file.gcount()));
     }

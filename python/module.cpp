@@ -258,9 +258,11 @@ class Envs {
     }
     void close() {
         if (process_ != getpid()) return;
+        nb::object dropped;  // with the GIL; arrays of a step that nobody received may hold this object
         without_gil([&] {
             const std::lock_guard lock(mutex_);
             batch_->close();
+            dropped = std::move(sent_);
         });
     }
 

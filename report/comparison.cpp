@@ -472,6 +472,30 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
     return notes;
 }
 
+/// Groups that count several runs of a game and a seed, with the settings in which these differ.
+std::vector<std::string> pooled_groups(const Comparison& comparison) {
+    std::vector<std::string> pooled;
+    for (const auto& group : comparison.groups) {
+        if (is_recorded(group)) continue;
+        std::map<std::pair<std::string_view, std::uint64_t>, std::vector<const Run*>> alike;
+        for (const auto& run : group.runs) alike[{run.game->name, run.seed}].push_back(&run);
+        std::set<std::string> keys;
+        for (const auto& [identity, runs] : alike) {
+            const auto differing = differing_keys(runs);
+            keys.insert(differing.begin(), differing.end());
+        }
+        if (keys.empty()) continue;
+        constexpr std::size_t kNamed = 5;
+        std::vector<std::string> named(keys.begin(), keys.end());
+        if (named.size() > kNamed) {
+            named[kNamed] = fmt::format("{} more", keys.size() - kNamed);
+            named.resize(kNamed + 1);
+        }
+        pooled.push_back(fmt::format("{} ({})", group.label, fmt::join(named, ", ")));
+    }
+    return pooled;
+}
+
 std::vector<Note> notes_on(const Comparison& comparison) {
     std::vector<std::string> single, few, uneven;
     for (const auto& result : comparison.results) {
@@ -502,6 +526,11 @@ std::vector<Note> notes_on(const Comparison& comparison) {
                fmt::format("Fewer than {} runs per game, from which bootstrap intervals come out too narrow",
                            kFewRuns),
                few);
+    add_labels(
+        notes,
+        "Groups hold runs of the same game and seed that differ in settings, and count them as if they "
+        "were of several seeds",
+        pooled_groups(comparison));
     add_labels(notes,
                "Groups with unequal numbers of runs; where scores are pooled, games with more count more",
                uneven);
@@ -543,6 +572,10 @@ bool has_intervals(const Comparison& comparison) {
     });
 }
 
+bool has_interval_of_a_pair(const Comparison& comparison) {
+    return std::ranges::any_of(comparison.improvements, &Improvement::has_interval);
+}
+
 std::vector<std::string> labels_of(const Comparison& comparison) {
     std::vector<std::string> labels;
     for (const auto& result : comparison.results) labels.push_back(result.label);
@@ -559,9 +592,9 @@ Comparison compare(FoundRuns found, std::vector<Baseline> baselines, const Compa
     comparison.left_out_runs = std::move(found.left_out);
     comparison.repeated_runs = std::move(found.repeated);
     comparison.missing_runs = std::move(found.missing);
-    std::ranges::move(missing_runs(found.runs), std::back_inserter(comparison.missing_runs));
     comparison.groups = group_runs(std::move(found.runs), config.group_by);
     give_names(comparison.groups, baselines, config.names);
+    std::ranges::move(missing_runs(comparison.groups), std::back_inserter(comparison.missing_runs));
     leave_out_recorded(comparison);
     for (const auto& group : comparison.groups)
         comparison.results.push_back(result_of(group, config.bootstrap, for_bands));

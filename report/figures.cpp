@@ -1,6 +1,7 @@
 #include "report/figures.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -25,10 +26,11 @@ bool all_intervals(const Comparison& comparison) {
     return std::ranges::all_of(comparison.results, &GroupResult::has_interval);
 }
 
-std::string method_of(const Comparison& comparison, std::int64_t resamples) {
+/// `some`: whether any interval is shown.
+std::string method_of(const Comparison& comparison, std::int64_t resamples, bool some) {
     const auto sample =
         fmt::format("{}; {}", counted(comparison.games.size(), "game"), runs_text(comparison));
-    if (!some_interval(comparison)) return sample + "; no intervals, which need several runs per game";
+    if (!some) return sample + "; no intervals, which need several runs per game";
     return fmt::format("{}; {:g} % stratified bootstrap intervals{}, {} resamples", sample,
                        100 * comparison.config.bootstrap.confidence,
                        all_intervals(comparison) ? "" : " of groups with several runs per game", resamples);
@@ -37,7 +39,8 @@ std::string method_of(const Comparison& comparison, std::int64_t resamples) {
 /// The same for curves with bands.
 std::string method_of_bands(const Comparison& comparison) {
     const auto resamples = std::min(comparison.config.bootstrap.resamples, kBandResamples);
-    return (some_interval(comparison) ? "pointwise; " : "") + method_of(comparison, resamples);
+    const bool some = some_interval(comparison);
+    return (some ? "pointwise; " : "") + method_of(comparison, resamples, some);
 }
 
 /// A group's interval as a bar, its estimate as a line across.
@@ -70,15 +73,19 @@ void draw_vertical_grid(Picture& picture, const Panel& panel, int count) {
     picture.lines.push_back({{{panel.left, panel.bottom}, {panel.right, panel.bottom}}, kFaintInk, 1});
 }
 
-/// Horizontal dashed lines, their names to the right of the panel, none over another.
+constexpr double kBaselineRow = 14;
+
+/// Horizontal dashed lines, their names to the right of the panel, none over another, nor below the panel
+/// where it has a row for each.
 void draw_baselines(Picture& picture, const Panel& panel, std::vector<std::pair<double, std::string>> lines) {
-    constexpr double kSize = 11.5, kRow = 14;
+    constexpr double kSize = 11.5;
     std::sort(lines.begin(), lines.end(), std::greater<>());
-    double lowest_free = panel.top - kRow;
+    double highest_free = panel.top;
+    auto rows_below = static_cast<double>(lines.size());
     for (const auto& [value, name] : lines) {
-        const double y = panel.to_y(value);
-        const double baseline = std::max(y + 4, lowest_free + kRow);
-        lowest_free = baseline;
+        const double y = panel.to_y(value), lowest = panel.bottom - --rows_below * kBaselineRow;
+        const double baseline = std::max(std::min(y + 4, lowest), highest_free);
+        highest_free = baseline + kBaselineRow;
         picture.lines.push_back({{{panel.left, y}, {panel.right, y}}, kFaintInk, 1.2, true});
         picture.words.push_back({name, {panel.right + 8, baseline}, kFaintInk, kSize});
     }
@@ -127,7 +134,7 @@ Picture aggregate_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, bottom + 34,
-        method_of(comparison, comparison.config.bootstrap.resamples) +
+        method_of(comparison, comparison.config.bootstrap.resamples, some_interval(comparison)) +
             (comparison.baselines.empty() ? ""
                                           : "; diamonds: published mean scores per game, without intervals"));
     return picture;
@@ -185,7 +192,8 @@ Picture improvement_figure(const Comparison& comparison) {
         picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
         draw_interval(picture, panel, pairs[i].probability, y, pairs[i].has_interval, pairs[i].x);
     }
-    auto method = method_of(comparison, comparison.config.bootstrap.resamples);
+    auto method =
+        method_of(comparison, comparison.config.bootstrap.resamples, has_interval_of_a_pair(comparison));
     if (pairs.size() < comparison.improvements.size())
         method = fmt::format("The first {} of {} pairs; the table has all. {}", pairs.size(),
                              comparison.improvements.size(), method);
@@ -206,20 +214,29 @@ Picture efficiency_figure(const Comparison& comparison) {
         }
         if (!result.curve_steps.empty()) last_step = std::max(last_step, result.curve_steps.back());
     }
+    const auto [low, high] = room_for(values);
+    // A baseline that would press the curves flat is left out.
+    const double reach = 4 * std::max(high - low, 0.1);
     std::vector<std::pair<double, std::string>> baselines;
-    std::vector<std::string> names;
+    std::vector<std::string> names, far;
     for (const auto& [baseline, aggregates] : comparison.baselines) {
-        baselines.emplace_back(aggregates[iqm].value, baseline.name);
+        const double value = aggregates[iqm].value;
+        if (value < low - reach || value > high + reach) {
+            far.push_back(baseline.name);
+            continue;
+        }
+        baselines.emplace_back(value, baseline.name);
         names.push_back(baseline.name);
-        values.push_back(aggregates[iqm].value);
+        values.push_back(value);
     }
     const double right = 756, room = names.empty() ? 0 : widest(names, 11.5) + 10;
     Picture picture = titled_picture("Sample efficiency", right + room + kMargin);
     const double below_legend = 48 + draw_legend(picture, labels_of(comparison), 70, right, 48);
+    const double height = std::max(320.0, kBaselineRow * static_cast<double>(names.size()));
     const Panel panel{.left = 70,
                       .top = below_legend + 30,
                       .right = right,
-                      .bottom = below_legend + 350,
+                      .bottom = below_legend + 30 + height,
                       .x = {0, last_step},
                       .y = room_for(values)};
     draw_axes(picture, panel, 6, 6);
@@ -229,7 +246,9 @@ Picture efficiency_figure(const Comparison& comparison) {
                    comparison.results[i].has_interval());
     picture.words.push_back({"IQM of human-normalised scores", {70, panel.top - 12}, kInk, 12.5});
     picture.words.push_back({"agent steps", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
-    finish_picture(picture, panel.bottom + 50, method_of_bands(comparison));
+    auto method = method_of_bands(comparison);
+    if (!far.empty()) method += fmt::format("; left out, far from the curves: {}", fmt::join(far, ", "));
+    finish_picture(picture, panel.bottom + 50, method);
     return picture;
 }
 
@@ -263,8 +282,9 @@ std::vector<Figure> figures(const Comparison& comparison) {
             all.push_back(
                 {"probability_of_improvement", "Probability of improvement",
                  std::string("How likely a run of X scores more than a run of Y on a game drawn at random.") +
-                     (some_interval(comparison) ? " An interval that leaves out 0.5 speaks for a difference."
-                                                : ""),
+                     (has_interval_of_a_pair(comparison)
+                          ? " An interval that leaves out 0.5 speaks for a difference."
+                          : ""),
                  improvement_figure(comparison)});
         }
     }

@@ -44,6 +44,10 @@ std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data)
     return sorted;
 }
 
+std::vector<GameRow> all_rows(const Comparison& comparison) {
+    return rows_with(comparison, [](const GameResult&) { return true; });
+}
+
 /// The labels by group, empty for a group that these rows have nothing of.
 std::vector<std::string> labels_in(const std::vector<GameRow>& rows, const Comparison& comparison) {
     auto labels = labels_of(comparison);
@@ -86,10 +90,12 @@ bool has_rewards(const GameResult& result) {
 /// Panels in rows of up to four, the wider the fewer they are.
 class Grid {
   public:
-    Grid(std::size_t count, double top)
+    /// `room`: to the right of a panel, in pixels.
+    Grid(std::size_t count, double top, double room = 16)
         : columns_(std::clamp<std::size_t>(count, 1, 4)),
           count_(count),
           top_(top),
+          room_(room),
           cell_width_(columns_ == 4   ? 262
                       : columns_ == 3 ? 350
                                       : 420) {}
@@ -104,8 +110,10 @@ class Grid {
         const std::size_t row = index / columns_, column = index % columns_;
         const double x = static_cast<double>(column) * cell_width_;
         const double y = top_ + static_cast<double>(row) * cell_height();
-        return {
-            .left = x + 58, .top = y + 34, .right = x + cell_width_ - 16, .bottom = y + cell_height() - 30};
+        return {.left = x + 58,
+                .top = y + 34,
+                .right = x + cell_width_ - room_,
+                .bottom = y + cell_height() - 30};
     }
 
   private:
@@ -114,6 +122,7 @@ class Grid {
     std::size_t columns_;
     std::size_t count_;
     double top_;
+    double room_;
     double cell_width_;
 };
 
@@ -155,9 +164,10 @@ std::vector<Reference> references_in_sight(const std::vector<Baseline>& referenc
 }
 
 /// Dashed lines straight across, their letters to the right of the panel; lines that are close to one another
-/// share a place for theirs.
+/// share a place for theirs, which names the first four.
 void draw_references(Picture& picture, const Panel& panel, std::vector<Reference> references) {
     constexpr double kSize = 10.5, kRow = 12;
+    constexpr std::ptrdiff_t kMostLetters = 4;
     std::ranges::sort(references, std::ranges::greater(), &Reference::value);
     for (auto first = references.begin(); first != references.end();) {
         auto next = first;
@@ -166,9 +176,10 @@ void draw_references(Picture& picture, const Panel& panel, std::vector<Reference
         for (; next != references.end() && panel.to_y(next->value) - last < kRow; ++next) {
             last = panel.to_y(next->value);
             sum += last;
-            letters += (letters.empty() ? "" : " ") + next->label;
+            if (next - first < kMostLetters) letters += (letters.empty() ? "" : " ") + next->label;
             picture.lines.push_back({{{panel.left, last}, {panel.right, last}}, kFaintInk, 1.2, true});
         }
+        if (next - first > kMostLetters) letters += fmt::format(" +{}", next - first - kMostLetters);
         const double y = sum / static_cast<double>(next - first) + 0.35 * kSize;
         picture.words.push_back({letters, {panel.right + 5, y}, kFaintInk, kSize});
         first = next;
@@ -202,7 +213,9 @@ std::pair<Picture, Grid> small_multiples(const std::string& title, const std::ve
     names.reserve(references.size());
     for (const auto& reference : references) names.push_back(reference.name);
     top += draw_letter_key(picture, "dashed", names, top);
-    return {std::move(picture), Grid(count, top)};
+    // For the letters of draw_references().
+    const double room = 16 + 10 * static_cast<double>(std::min<std::size_t>(references.size(), 5));
+    return {std::move(picture), Grid(count, top, room)};
 }
 
 /// Bars of the groups that have a label.
@@ -456,7 +469,7 @@ Picture game_table_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, y + 10,
-        fmt::format("mean of the runs ({}); {}{}", runs_text(comparison),
+        fmt::format("mean of the runs ({}); {}{}", runs_in(all_rows(comparison), &Run::scores),
                     interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
                     comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
     return picture;
@@ -471,16 +484,19 @@ Picture zone_figure(const Comparison& comparison) {
     struct Shown {
         std::string_view game;
         std::string title;
-        const std::vector<ZoneRow>& zones;
+        const std::vector<ZoneRow>* zones;
     };
     std::vector<Shown> shown;
     for (const auto& row : rows) {
         for (std::size_t group = 0; group < row.results.size(); ++group) {
             const auto which = drawn(labels) == 1 ? "" : ": " + letter(group);
             if (const auto* result = row.results[group]; result != nullptr)
-                shown.push_back({row.game->name, std::string(row.game->name) + which, result->zones});
+                shown.push_back({row.game->name, std::string(row.game->name) + which, &result->zones});
         }
     }
+    constexpr std::size_t kMostPanels = 48;
+    const auto panels = shown.size();
+    if (panels > kMostPanels) shown.erase(shown.begin() + kMostPanels, shown.end());
     auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
     draw_zone_key(picture, kMargin, 50);
     const double key = drawn(labels) > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
@@ -488,18 +504,22 @@ Picture zone_figure(const Comparison& comparison) {
     for (std::size_t i = 0; i < shown.size(); ++i) {
         Panel panel = grid.panel(i);
         const auto& [game, title, zones] = shown[i];
-        panel.x = {0, zones.back().step};
+        panel.x = {0, zones->back().step};
         panel.y = {0, 1};
         const auto before = extent_of(picture);
         draw_axes(picture, panel, 3, 2, 11);
         title_panel(picture, panel, title);
-        draw_zones(picture, panel, zones);
+        draw_zones(picture, panel, *zones);
         assign_panel(picture, before, panel, game);
     }
-    finish_picture(picture, grid.bottom(),
-                   fmt::format("part of the agent steps since the point before, over agent steps; mean of "
-                               "the runs ({}); six games at most",
-                               runs_in(rows, &Run::zones)));
+    finish_picture(
+        picture, grid.bottom(),
+        fmt::format("part of the agent steps since the point before, over agent steps; mean of "
+                    "the runs ({}); six games at most{}",
+                    runs_in(rows, &Run::zones),
+                    panels > kMostPanels
+                        ? fmt::format(", the first {} of {} panels; the table has all", kMostPanels, panels)
+                        : ""));
     return picture;
 }
 

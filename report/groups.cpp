@@ -155,9 +155,8 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
                             wanted));
         }
     }
-    std::vector<std::string> differing{"agent"};
-    for (const auto& key : keys)
-        if (count_groups(runs, {key}) > 1) differing.push_back(key);
+    auto differing = differing_keys(runs);
+    differing.insert(differing.begin(), "agent");
     throw std::invalid_argument(fmt::format(
         "--group-by {}: no run has such a setting, or it has no effect on results; the runs differ "
         "in {}",
@@ -232,19 +231,20 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
     std::stable_partition(groups.begin(), groups.end(), std::not_fn(is_recorded));
 }
 
-std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
-    std::vector<Run> identities;  // without their curves
+std::vector<std::string> missing_runs(const std::vector<Group>& groups) {
     std::set<std::string_view> games;
     std::set<std::uint64_t> seeds;
-    for (const auto& run : runs) {
-        if (run.in_sweep_list || !run.recorded_as.empty()) continue;
-        identities.push_back(
-            {.agent = run.agent, .game = run.game, .seed = run.seed, .settings = run.settings});
-        games.insert(run.game->name);
-        seeds.insert(run.seed);
+    const auto counts = [](const Run& run) { return !run.in_sweep_list && run.recorded_as.empty(); };
+    for (const auto& group : groups) {
+        for (const auto& run : group.runs) {
+            if (!counts(run)) continue;
+            games.insert(run.game->name);
+            seeds.insert(run.seed);
+        }
     }
     std::vector<std::string> missing;
-    for (const auto& group : group_runs(std::move(identities))) {
+    for (const auto& group : groups) {
+        if (std::ranges::none_of(group.runs, counts)) continue;
         std::set<std::pair<std::string_view, std::uint64_t>> there;
         for (const auto& run : group.runs) there.emplace(run.game->name, run.seed);
         for (const auto game : games)
@@ -253,6 +253,17 @@ std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
                     missing.push_back(fmt::format("{} on {}, seed {}", group.label, game, seed));
     }
     return missing;
+}
+
+std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
+    return missing_runs(group_runs(runs));
+}
+
+std::vector<std::string> differing_keys(const std::vector<const Run*>& runs) {
+    std::vector<std::string> differing;
+    for (const auto& key : keys_of(runs))
+        if (count_groups(runs, {key}) > 1) differing.push_back(key);
+    return differing;
 }
 
 std::vector<std::string> partial_settings(const std::vector<Group>& groups) {
@@ -292,9 +303,18 @@ std::vector<SettingRow> all_settings(const std::vector<Group>& groups) {
 }
 
 std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
+    std::map<std::string, std::vector<std::size_t>> of_agents;  // groups of the user's, by agent
+    for (std::size_t i = 0; i < groups.size(); ++i)
+        if (!is_recorded(groups[i])) of_agents[groups[i].runs.front().agent].push_back(i);
     auto rows = all_settings(groups);
-    std::erase_if(rows, [](const SettingRow& row) {
-        return all_agree(row) || std::ranges::find(row.values, "") != row.values.end();
+    std::erase_if(rows, [&](const SettingRow& row) {
+        const bool of_all = std::ranges::find(row.values, "") == row.values.end();
+        const auto tells_apart = [&](const auto& agent) {
+            const auto& first = row.values[agent.second.front()];
+            return std::ranges::any_of(agent.second,
+                                       [&](std::size_t group) { return row.values[group] != first; });
+        };
+        return !(of_all && !all_agree(row)) && std::ranges::none_of(of_agents, tells_apart);
     });
     return rows;
 }

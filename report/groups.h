@@ -33,9 +33,14 @@ bool is_recorded(const Group& group);
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names);
 
 /// The runs without which not every group has been trained on every game with every seed that any of them
-/// has: "sac on Pong, seed 3". Groups are those that group_runs() makes without keys. Runs that are in the
-/// list of a sweep are passed over, as that list says which are missing.
+/// has: "sac on Pong, seed 3". Recorded runs are passed over, and those that are in the list of a sweep, as
+/// that list says which are missing.
+std::vector<std::string> missing_runs(const std::vector<Group>& groups);
+/// The same of the groups that group_runs() makes of them without keys.
 std::vector<std::string> missing_runs(const std::vector<Run>& runs);
+
+/// The settings in which runs differ, by key; not the agent.
+std::vector<std::string> differing_keys(const std::vector<const Run*>& runs);
 
 /// The settings that some runs of an agent have and others, of another version, lack: "sac: agent.padding".
 std::vector<std::string> partial_settings(const std::vector<Group>& groups);
@@ -47,7 +52,8 @@ struct SettingRow {
 
 /// All settings by key; a group without one has an empty value.
 std::vector<SettingRow> all_settings(const std::vector<Group>& groups);
-/// The settings that every group has, none of them empty, and in which groups differ.
+/// The settings that every group has, none of them empty, and in which groups differ; and those in which
+/// groups of the same agent differ, which other agents may lack.
 std::vector<SettingRow> differing_settings(const std::vector<Group>& groups);
 /// Those that every group has, none of them empty, with the same value or, where its runs differ, the same
 /// values.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -164,7 +165,8 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
         html += html_table(aggregate_table(comparison), intervals ? "Human-normalised, estimate [interval]"
                                                                   : "Human-normalised estimates");
     if (figure.name == "probability_of_improvement")
-        html += html_table(improvement_table(comparison), intervals ? "Estimate [interval]" : "Estimates");
+        html += html_table(improvement_table(comparison),
+                           has_interval_of_a_pair(comparison) ? "Estimate [interval]" : "Estimates");
     return html;
 }
 
@@ -179,7 +181,8 @@ std::string setup_section(const Comparison& comparison) {
 std::string settings_section(const Comparison& comparison) {
     std::string html = heading("settings", "Settings");
     if (const auto differing = setting_table(comparison); !differing.rows.empty())
-        html += html_table(differing, "In which groups differ, of those that all groups have");
+        html += html_table(differing,
+                           "In which groups differ, of those that all groups or several of one agent have");
     if (const auto shared = shared_setting_table(comparison); !shared.rows.empty())
         html += html_table(shared, "That all runs share, or whose values all groups have");
     const auto has_settings = [](const Run& run) { return !run.settings.empty(); };
@@ -226,10 +229,16 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
 
 std::string summary(const Comparison& comparison) {
     std::size_t runs = 0;
-    for (const auto& group : comparison.groups) runs += group.runs.size();
-    return fmt::format("{} in {}; {}; aggregates over {}", counted(runs, "run"),
-                       counted(comparison.groups.size(), "group"), runs_text(comparison),
-                       counted(comparison.games.size(), "game"));
+    std::set<std::size_t> of_a_game;
+    for (const auto& group : comparison.results) {
+        for (const auto& game : group.games) {
+            runs += game.runs.size();
+            of_a_game.insert(game.runs.size());
+        }
+    }
+    return fmt::format(
+        "{} in {}; {}; aggregates over {}", counted(runs, "run"), counted(comparison.groups.size(), "group"),
+        runs_text(*of_a_game.begin(), *of_a_game.rbegin()), counted(comparison.games.size(), "game"));
 }
 
 std::string game_names(const Comparison& comparison) {

@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <csignal>
 #include <fstream>
+#include <initializer_list>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -39,12 +40,16 @@ bool is_notes(const fs::path& file) {
 
 /// The names of all files that reports have beside the page, with whatever runs.
 std::vector<std::string> file_names() {
-    std::vector<std::string> names;
-    for (const auto* name : {"scores", "run_curves", "setup", "settings", "aggregates", "sample_efficiency",
-                             "performance_profiles", "probability_of_improvement", "game_curves",
-                             "game_scores", "events", "zones", "rewards"})
-        for (const auto* extension : {".csv", ".tex", ".md", ".svg", ".png"})
-            names.push_back(std::string(name) + extension);
+    std::vector<std::string> names{"scores.csv", "run_curves.csv"};
+    const auto add = [&](std::string_view name, std::initializer_list<std::string_view> extensions) {
+        for (const auto extension : extensions) names.push_back(fmt::format("{}{}", name, extension));
+    };
+    for (const auto* table : {"setup", "settings"}) add(table, {".csv", ".tex", ".md"});
+    for (const auto* figure :
+         {"sample_efficiency", "performance_profiles", "game_curves", "events", "zones", "rewards"})
+        add(figure, {".csv", ".svg", ".png"});
+    for (const auto* both : {"aggregates", "probability_of_improvement", "game_scores"})
+        add(both, {".csv", ".tex", ".md", ".svg", ".png"});
     return names;
 }
 

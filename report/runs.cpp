@@ -196,16 +196,6 @@ std::optional<double> longest_game(const Run& run) {
     return std::ceil(frames / skip) * std::max(1.0, number_or_0(run, "env.num_envs"));
 }
 
-/// Bytes of episodes.csv that were there when the newest checkpoint was written; 0 where it does not say.
-std::uintmax_t bytes_at_checkpoint(const fs::path& checkpoint) {
-    const auto file = checkpoint / "state.json";
-    if (checkpoint.empty() || !fs::exists(file)) return 0;
-    const auto state = nlohmann::json::parse(read_file(file), nullptr, false);
-    if (!state.is_object() || !state.contains("episodes_offset")) return 0;
-    const auto& bytes = state["episodes_offset"];
-    return bytes.is_number_unsigned() ? bytes.get<std::uintmax_t>() : 0;
-}
-
 /// Throws where episodes.csv is certainly not all that it was; says in run.doubts where it may not be.
 void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& progress) {
     const auto path = run.folder / "episodes.csv";
@@ -213,7 +203,7 @@ void check_episodes(Run& run, const EpisodeHistory& episodes, const Progress& pr
         throw std::runtime_error(fmt::format(
             "{} is damaged: its agent steps do not ascend to what a run can take", path.string()));
     const auto& checkpoint = progress.checkpoint;
-    const auto bytes = fs::file_size(path), had = bytes_at_checkpoint(checkpoint);
+    const auto bytes = fs::file_size(path), had = episode_bytes_at(checkpoint);
     if (bytes < had)
         throw std::runtime_error(fmt::format("{} is cut: it has {} bytes, and had {} when {} was written",
                                              path.string(), bytes, had, checkpoint.string()));
@@ -573,6 +563,15 @@ std::vector<Run> without_repetitions(std::vector<Run> runs, std::vector<LeftOut>
 }
 
 }  // namespace
+
+std::uintmax_t episode_bytes_at(const fs::path& checkpoint) {
+    const auto file = checkpoint / "state.json";
+    if (checkpoint.empty() || !fs::exists(file)) return 0;
+    const auto state = nlohmann::json::parse(read_file(file), nullptr, false);
+    if (!state.is_object() || !state.contains("episodes_offset")) return 0;
+    const auto& bytes = state["episodes_offset"];
+    return bytes.is_number_unsigned() ? bytes.get<std::uintmax_t>() : 0;
+}
 
 std::string setting_of(const Run& run, const std::string& key) {
     const auto found = run.settings.find(key);

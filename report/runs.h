@@ -82,7 +82,8 @@ constexpr bool is_game_or_seed(std::string_view key) {
 
 /// No result depends on these settings: the groups of a report do not differ by them, and they may differ on
 /// resume (train/resume.h).
-inline constexpr std::array<std::string_view, 12> kWithoutEffect{"env.rom_dir",
+inline constexpr std::array<std::string_view, 13> kWithoutEffect{"agent.replay_on_device",
+                                                                 "env.rom_dir",
                                                                  "env.env_threads",
                                                                  "train.checkpoint_every",
                                                                  "train.keep_checkpoints",
@@ -94,6 +95,10 @@ inline constexpr std::array<std::string_view, 12> kWithoutEffect{"env.rom_dir",
                                                                  "eval.video",
                                                                  "log.every",
                                                                  "log.tensorboard"};
+
+/// Returns how many bytes of episodes.csv were there when the checkpoint was written; 0 where it does not
+/// say.
+std::uintmax_t episode_bytes_at(const std::filesystem::path& checkpoint);
 
 struct FoundRuns {
     std::vector<Run> runs{};             // by folder

@@ -154,7 +154,7 @@ std::string latex_text(std::string_view text) {
             latex += "\\textbackslash{}";
         } else if (c == '~' || c == '^') {
             latex += fmt::format("\\{}{{}}", c);
-        } else if (c == '<' || c == '>') {
+        } else if (c == '<' || c == '>' || c == '|') {
             latex += fmt::format("${}$", c);
         } else {
             if (std::string_view("&%$#_{}").find(c) != std::string_view::npos) latex += '\\';
@@ -168,7 +168,7 @@ std::string latex_text(std::string_view text) {
 std::string markdown_text(std::string_view text) {
     std::string markdown;
     for (const char c : text) {
-        if (std::string_view("|*_`<\\").find(c) != std::string_view::npos) markdown += '\\';
+        if (std::string_view("|*_`~<\\").find(c) != std::string_view::npos) markdown += '\\';
         markdown += c;
     }
     return markdown;
@@ -207,7 +207,7 @@ void add_scores(const Comparison& comparison, std::vector<TextFile>& files) {
                 const auto games =
                     run->recorded_as.empty() ? fmt::format("{}", run->games_in_score) : std::string();
                 csv.row(group.label, run->agent, game.game->name, run->seed, run->steps.back(), games,
-                        run->score(), normalised, run->folder.string());
+                        run->score(), normalised, printable(run->folder.string()));
             }
         }
     }
@@ -432,7 +432,7 @@ std::string to_latex(const Table& table) {
                                     std::string(table.name_columns, 'l'), std::string(values, 'r'));
     const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
         for (std::size_t column = 0; column < row.size(); ++column) {
-            const auto cell = latex_text(row[column]);
+            const auto cell = latex_text(printable(row[column]));
             latex += column == 0 ? "" : " & ";
             latex += is_bold(column) ? fmt::format("\\textbf{{{}}}", cell) : cell;
         }
@@ -449,7 +449,7 @@ std::string to_markdown(const Table& table) {
     std::string text;
     const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
         for (std::size_t column = 0; column < row.size(); ++column) {
-            const auto cell = markdown_text(row[column]);
+            const auto cell = markdown_text(printable(row[column]));
             text += is_bold(column) ? fmt::format("| **{}** ", cell) : fmt::format("| {} ", cell);
         }
         text += "|\n";

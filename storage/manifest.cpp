@@ -62,8 +62,12 @@ void write_manifest(const fs::path& folder, const Manifest& manifest) {
     write_file_atomically(folder / kManifestFile, json.dump(2) + "\n");
 }
 
+bool holds_manifest(const fs::path& folder) {
+    return fs::exists(folder / kManifestFile);
+}
+
 Manifest read_manifest(const fs::path& folder) {
-    if (!fs::exists(folder / kManifestFile)) {
+    if (!holds_manifest(folder)) {
         throw std::runtime_error(
             fs::exists(folder / "state.json")
                 ? fmt::format("it has no {}: it was damaged, or written by an older cale, which can finish "

@@ -31,6 +31,9 @@ FileRecord record_of(const std::filesystem::path& file);
 /// then on disk, too.
 void write_manifest(const std::filesystem::path& folder, const Manifest& manifest);
 
+/// Returns whether the folder is a checkpoint's, by its manifest.
+bool holds_manifest(const std::filesystem::path& folder);
+
 /// Throws OtherFormat, naming both versions, and std::runtime_error, saying what is wrong, for a folder
 /// without one or with a damaged one.
 Manifest read_manifest(const std::filesystem::path& folder);

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "cale/text.h"
+#include "report/runs.h"
 #include "settings/setting_texts.h"
 #include "storage/files.h"
 #include "storage/metadata_text.h"
@@ -70,8 +71,9 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     bool has_results = false;
     try {
         has_results = has_begun(folder);
-    } catch (const std::exception& error) {
-        return fmt::format("its folder cannot be read: {}", error.what());
+    } catch (const fs::filesystem_error& error) {
+        return fmt::format("its folder cannot be read: {}: {}", error.path1().string(),
+                           error.code().message());
     }
     const auto checkpoints = list_checkpoints(folder);
     const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back());
@@ -94,6 +96,10 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
                 text);
         if (!fs::exists(folder / "episodes.csv"))
             return "its episodes.csv is missing; put it back, or remove the run's folder";
+        if (fs::file_size(folder / "episodes.csv") < episode_bytes_at(checkpoints.back()))
+            return "its episodes.csv is shorter than at its newest checkpoint; put the whole one back, or "
+                   "remove "
+                   "the run's folder";
         return "";
     } catch (const std::exception& error) {
         return fmt::format(

@@ -6,10 +6,12 @@
 #include <string_view>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "cale/text.h"
 #include "settings/config.h"
 #include "settings/shell_text.h"
+#include "storage/manifest.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
 #include "train/export.h"
@@ -50,16 +52,14 @@ void export_file(const Options& options) {
     std::error_code ignored;
     if (fs::equivalent(options.from, output, ignored))
         throw ConfigError(fmt::format("--output {} is the file that is read; give another", options.output));
-    const auto ending = output.extension();
-    if (fs::exists(output, ignored) && ending != ".onnx" && ending != ".safetensors")
-        throw ConfigError(
-            fmt::format("--output {} is there, and its name is not one of a policy file (.safetensors) or an "
-                        "ONNX file (.onnx); give another",
-                        options.output));
+    if (holds_manifest(fs::absolute(output).parent_path()))
+        throw ConfigError(fmt::format(
+            "--output {} lies in a checkpoint, which would then be damaged; give another", options.output));
     if (fs::is_regular_file(output, ignored) && fs::file_size(output) > 0 && !is_exported(output))
         throw ConfigError(fmt::format("--output {} is there, and no cale export has written it; give another",
                                       options.output));
-    const bool onnx = options.format.empty() ? output.extension() == ".onnx" : options.format == "onnx";
+    const bool onnx =
+        options.format.empty() ? lower(output.extension().string()) == ".onnx" : options.format == "onnx";
     const auto write = onnx ? export_onnx : export_policy;
     const auto info = write(options.from, output);
     fmt::print("{}: {}; {:.1f} MB\n", options.output, description(info),
@@ -79,7 +79,7 @@ void export_page(const Options& options) {
     fmt::print(
         "{}: {}\nTo see it: {}, then http://localhost:8000 and a ROM of {}\n", options.web, description(info),
         shell_text(std::array<std::string, 5>{"python3", "-m", "http.server", "--directory", options.web}),
-        printable(info.game));
+        fmt::join(split(printable(info.game), '+'), " or "));
 }
 
 }  // namespace

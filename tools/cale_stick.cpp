@@ -24,6 +24,7 @@ void run(const Options& options) {
     EnvConfig env;
     if (!options.config.empty()) load_environment(env, options.config);
     set_environment(env, options.settings);
+    static_cast<void>(games_of(env.game));
     if (env.paddle == Paddle::absolute)
         throw ConfigError("env.paddle=absolute: the paddle is placed, and no stick moves it; leave it out");
     check(env.motion);

@@ -17,6 +17,8 @@ double total_seconds(const TimeSplit& split) {
 
 std::string time_report(const std::filesystem::path& run_dir) {
     const auto path = run_dir / "progress.csv";
+    if (!std::filesystem::exists(run_dir))
+        throw std::runtime_error(fmt::format("there is no folder {}", run_dir.string()));
     if (!std::filesystem::exists(path))
         throw std::runtime_error(
             fmt::format("{} has no progress.csv: give the folder of a run", run_dir.string()));

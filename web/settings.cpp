@@ -44,10 +44,17 @@ EnvConfig trained_env(const PolicyInfo& info) {
         if (!line.starts_with("  ")) inside = line == "env:";
         if (!inside || !line.starts_with("  ") || colon == line.npos) continue;
         const auto name = line.substr(2, colon - 2);
+        if (name == "rom_dir") continue;
         try {
-            if (name != "rom_dir") set(env, name, unquoted(line.substr(colon + 2)));
+            static_cast<void>(setting_called(name, env));
         } catch (const std::invalid_argument& error) {
             throw std::runtime_error("this page is older than the policy: of its environment, " +
+                                     std::string(error.what()));
+        }
+        try {
+            set(env, name, unquoted(line.substr(colon + 2)));
+        } catch (const std::invalid_argument& error) {
+            throw std::runtime_error("the environment that the policy was trained in cannot be used: " +
                                      std::string(error.what()));
         }
     }

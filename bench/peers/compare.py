@@ -63,6 +63,8 @@ options = options.parse_args()
 
 if os.path.exists(options.csv):
     sys.exit(f"bench/compare: {options.csv} is there already, perhaps of hours of work: remove it, or name another --csv")
+if options.csv != f"{BUILD}/bench.csv" and not os.path.isdir(os.path.dirname(options.csv) or "."):
+    sys.exit(f"bench/compare: there is no folder {os.path.dirname(options.csv)}: make it, or name another --csv")
 # Decisions take one thread, updates and PPO those that are asked for, all else two.
 needed = {"decision": 1, "update": max(options.threads), "ppo": max(options.threads)}.get(options.only, 2)
 if len(CORES) < needed:
@@ -118,8 +120,8 @@ def compare(section, agent, encoder, threads, unit, ours, peers):
             if results[name] is not None:
                 result = measure()
                 results[name] = None if result is None else [*results[name], result]
-    if results["ours"] is None:
-        sys.exit("bench/compare: our own program failed")
+            if results["ours"] is None:
+                sys.exit("bench/compare: our own program failed")
     median = {name: [statistics.median(column) for column in zip(*values)] for name, values in results.items() if values}
     mine, my_memory = median.pop("ours")
     for name, (value, memory) in median.items():

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -65,13 +66,15 @@ int main(int argc, char** argv) {
     }
     try {
         const auto policy = cale::Policy::load(argv[1]);
-        const auto& game = cale::find_game(policy.info().game);
+        const std::string name =
+            policy.info().game.substr(0, policy.info().game.find('+'));  // of several the first
+        const auto& game = cale::find_game(name);
         // A placed paddle does not stick.
         const float sticky_probability = policy.info().joystick == cale::Joystick::paddle ? 0 : 0.25F;
-        cale::Emulator console(game, cale::find_rom(policy.info().game, ""), sticky_probability, /*seed=*/1);
+        cale::Emulator console(game, cale::find_rom(name, ""), sticky_probability, /*seed=*/1);
         const auto [frames, score] = play(policy, console, *most_frames);
-        std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(),
-                    policy.info().game.c_str(), score, frames);
+        std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(), name.c_str(), score,
+                    frames);
         return 0;
     } catch (const std::exception& error) {
         std::fprintf(stderr, "embed_policy: %s\n", error.what());

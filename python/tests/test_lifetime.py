@@ -219,7 +219,7 @@ def resident_bytes():
 
 def live(number):
     """Makes environments; some of them play, and are in the midst of a step at their end."""
-    envs = cale.make_vec("pong", num_envs=1 + number % 2, obs="ram")
+    envs = cale.make_vec("pong", num_envs=1 + number % 2, obs="ram", copy=bool(number % 20))
     if number % 10 == 0:
         envs.reset(seed=number)
         envs.restore(envs.save())

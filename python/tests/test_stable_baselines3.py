@@ -43,7 +43,8 @@ def test_its_vector_environment_is_ours():
             np.testing.assert_array_equal(mine, other)
         for i in np.flatnonzero(our_step[2]):
             ends += 1
-            for key in ("terminal_observation", "TimeLimit.truncated", "lives"):
+            assert our_step[3][i].keys() == their_step[3][i].keys()
+            for key in our_step[3][i]:
                 np.testing.assert_array_equal(our_step[3][i][key], their_step[3][i][key])
         assert [info["lives"] for info in ours.reset_infos] == [info["lives"] for info in theirs.reset_infos]
     assert ends >= 4
@@ -54,6 +55,11 @@ def test_its_vector_environment_is_ours():
     ours.set_options([{"new_game": True}, {}])
     with pytest.raises(ValueError, match="the environments are reset together"):
         ours.reset()
+    ours.set_attr("tag", 5)
+    assert ours.get_attr("tag") == [5, 5] and ours.env_method("frame_number", indices=[0, 1])[0].shape == (2,)
+    for call in (lambda: ours.set_attr("tag", 6, indices=[0]), lambda: ours.env_method("close", indices=0)):
+        with pytest.raises(ValueError, match="these environments are one object; leave indices out"):
+            call()
     with pytest.raises(ValueError, match="autoreset_mode='SameStep'"):
         SB3VecEnv(cale.make_vec("pong"))
     with pytest.raises(ValueError, match="copy=True"):

@@ -1,4 +1,5 @@
 """What Gymnasium's checks do not look at: seeds, memory, asynchronous steps, exact states, mistakes."""
+import typing
 import zlib
 
 import gymnasium
@@ -48,6 +49,21 @@ def test_environments_without_a_seed_differ():
     assert len({row.tobytes() for row in observations}) > 1
 
 
+@pytest.mark.parametrize("make", [lambda: cale.Env("pong"), lambda: cale.make_vec("pong", num_envs=2)])
+def test_the_seed_that_a_first_reset_drew_repeats_it(make):
+    first, again = make(), make()
+    first.reset()
+    again.reset(seed=first.np_random_seed)
+    action = np.zeros(first.action_space.shape, np.float32)
+    for _ in range(60):  # Pong's ball flies by chance
+        np.testing.assert_array_equal(first.step(action)[0], again.step(action)[0])
+
+
+def test_the_types_of_arguments_can_be_asked_for():
+    for function in (cale.Env.__init__, cale.VectorEnv.__init__, cale.make_vec):
+        assert "render_mode" in typing.get_type_hints(function)
+
+
 def test_a_partial_reset_touches_the_others_not():
     envs, twin = (cale.make_vec("breakout", num_envs=3, obs="ram") for _ in range(2))
     envs.reset(seed=5), twin.reset(seed=5)
@@ -56,6 +72,8 @@ def test_a_partial_reset_touches_the_others_not():
     fresh, _ = cale.make_vec("breakout", num_envs=3, obs="ram").reset(seed=5)
     np.testing.assert_array_equal(observations[1], fresh[1])  # environment i has seed + i
     assert list(infos["_lives"]) == [False, True, False]
+    infos["_lives"][0] = True
+    assert list(infos["_frames"]) == [False, True, False]
     a, b = rollout(envs, 20, seed=1), rollout(twin, 20, seed=1)
     for x, y in zip(a, b):
         np.testing.assert_array_equal(x[[0, 2]], y[[0, 2]])
@@ -288,6 +306,8 @@ def test_bad_calls_get_a_sentence():
         envs.step(bad)
     with pytest.raises(ValueError, match=r"actions have the shape \(2, 3\), not \(3, 3\)"):
         envs.step(np.zeros((3, 3)))
+    with pytest.raises(ValueError, match=r"an action has the shape \(3,\), not \(2,\)"):
+        cale.Env("pong").step(np.zeros(2))
     numbered = cale.make_vec("breakout", num_envs=2, action_space="minimal")
     numbered.reset(seed=1)
     with pytest.raises(ValueError, match="environment 1 is bad: there is no action 4, they are 0 to 3"):

@@ -593,6 +593,14 @@ TEST(Ppo, ContiguousMinibatchesKeepTheirOrderInAllEpochsAndTheirLossesAreAverage
     }
 }
 
+TEST(Ppo, LogsTheSpreadOfItsPolicyAfterTheUpdate) {
+    Witness w(transparent(), joystick_world(1, 1));
+    const auto learned = w.learned();
+    const auto log_std = learned.at("actor.log_std.weight").sum(1) + learned.at("actor.log_std.bias");
+    EXPECT_GT(log_std.abs().min().item<double>(), 1e-3) << "it begins at 0";
+    EXPECT_NEAR(w.agent->metrics().at("charts/mean_log_std"), log_std.mean().item<double>(), 1e-5);
+}
+
 TEST(Ppo, ShuffledMinibatchesHaveAnotherOrderInEveryEpoch) {
     const std::vector<std::pair<Witness::Rows, Witness::Rows>> orders{{{0, 1}, {2, 3}}, {{0, 2}, {1, 3}},
                                                                       {{0, 3}, {1, 2}}, {{1, 2}, {0, 3}},

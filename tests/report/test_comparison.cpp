@@ -301,6 +301,39 @@ TEST_F(Comparing, SaysWhatIsMissingBeforeAnyFigure) {
     EXPECT_THAT(comparison.results, SizeIs(2)) << "the rest is compared";
 }
 
+TEST_F(Comparing, MissingRunsAreNamedByTheGroupsOfTheReport) {
+    for (const auto* rate : {"1", "2"})
+        for (const std::uint64_t seed : {1, 2})
+            folders_.run(fmt::format("{}_{}", rate, seed), "sac", "Pong", seed, {-20},
+                         fmt::format("agent: {{rate: {}}}\n", rate));
+    std::filesystem::remove_all(folders_.path() / "2_2");
+    ComparisonConfig config = kQuick;
+    config.names = {{"rate=2", "fast"}};
+    EXPECT_THAT(compared({}, config).missing_runs, ElementsAre("fast on Pong, seed 2"));
+    config = kQuick;
+    config.group_by = {"agent"};
+    EXPECT_THAT(compared({}, config).missing_runs, IsEmpty()) << "one group has been trained with every seed";
+}
+
+TEST_F(Comparing, RunsOfAGameAndASeedThatAGroupPoolsAreNamed) {
+    for (const auto* rate : {"1", "2"})
+        folders_.run(rate, "sac", "Pong", 1, {-20}, fmt::format("agent: {{rate: {}, tau: 1}}\n", rate));
+    folders_.run("other", "sac", "Pong", 2, {-20}, "agent: {rate: 1, tau: 2}\n");
+    ComparisonConfig config = kQuick;
+    config.group_by = {"agent"};
+    EXPECT_THAT(
+        lines_of(compared({}, config).notes),
+        Contains("Groups hold runs of the same game and seed that differ in settings, and count them as "
+                 "if they were of several seeds: sac (agent.rate)."));
+    EXPECT_THAT(lines_of(compared().notes), Not(Contains(HasSubstr("of the same game and seed"))));
+}
+
+TEST_F(Comparing, CellsOfTablesAreOneLineAndNoMarkUp) {
+    const Table table{.header = {"a|b"}, .rows = {{"one\ntwo ~~x~~"}}};
+    EXPECT_THAT(to_markdown(table), HasSubstr("| one\\\\x0atwo \\~\\~x\\~\\~ |"));
+    EXPECT_THAT(to_latex(table), HasSubstr("a$|$b"));
+}
+
 TEST_F(Comparing, AWholeGridIsComplete) {
     for (const auto* agent : {"sac", "dqn"})
         for (const std::uint64_t seed : {1, 2})

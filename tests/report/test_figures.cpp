@@ -258,6 +258,30 @@ TEST_F(Figures, LinesToCompareWithHaveLabels) {
     EXPECT_THAT(words_of(efficiency_figure(data)), Contains("same"));
 }
 
+TEST_F(Figures, ManyBaselinesStayInThePictureAndFarOnesAreNamedBelow) {
+    for (const std::uint64_t seed : {1, 2})
+        folders_.run(fmt::format("{}", seed), "sac", "Alien", seed, {200, 400});
+    std::vector<Baseline> baselines{{"far", {{"Alien", 9e6}}}};
+    for (int i = 0; i < 40; ++i) baselines.push_back({fmt::format("b{}", i), {{"Alien", 228}}});
+    const auto data = compare(find_runs({folders_.path()}, ScoreKind::training), baselines,
+                              {.bootstrap = {.resamples = 50}});
+    const auto picture = efficiency_figure(data);
+    expect_tidy({.name = "sample_efficiency", .picture = picture});
+    EXPECT_THAT(words_of(picture), Contains("b39"));
+    EXPECT_THAT(text_of(picture), HasSubstr("left out, far from the curves: far"));
+    EXPECT_THAT(text_of(game_curves_figure(data)), HasSubstr(" +3"));
+}
+
+TEST_F(Figures, APairWithoutAnIntervalClaimsNone) {
+    folders_.run("a", "sac", "Pong", 1, {-20});
+    for (const std::uint64_t seed : {1, 2})
+        folders_.run(fmt::format("b{}", seed), "dqn", "Pong", seed, {-20});
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    EXPECT_THAT(text_of(improvement_figure(data)), AllOf(HasSubstr("no intervals"), Not(HasSubstr("%"))));
+    EXPECT_THAT(text_of(game_figures(data).front().picture), HasSubstr("1-2 runs per game"));
+}
+
 TEST(Panels, TicksLeaveRoomForTheirWords) {
     Panel panel{.left = 0, .top = 0, .right = 60, .bottom = 10, .x = {0, 1'000'000}};
     double width = 0;

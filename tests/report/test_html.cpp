@@ -84,6 +84,21 @@ TEST_F(Html, NamesAgentProtocolActionSpaceAndSharedSettings) {
     EXPECT_THAT(read(folders_.path() / "out/setup.tex"), HasSubstr("sac & sac & 200M frames & joystick"));
 }
 
+TEST_F(Html, NamesTheSettingsThatTellTheGroupsOfAnAgentApart) {
+    test::RunFolders folders("html_settings");
+    for (const auto* atoms : {"1", "51"})
+        folders.run(atoms, "sac", "Pong", 1, {-20},
+                    fmt::format("agent: {{critic_atoms: {}, tau: 1}}\n", atoms));
+    folders.run("der", "der", "Pong", 1, {-20}, "agent: {dueling: true}\n");
+    const auto data =
+        compare(find_runs({folders.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    const auto html = to_html(data, {}, origin_);
+    EXPECT_THAT(
+        html,
+        HasSubstr("<th scope=\"row\" class=\"name\">agent.critic_atoms</th><td></td><td>1</td><td>51</td>"));
+    EXPECT_THAT(html, AllOf(Not(HasSubstr("agent.tau")), Not(HasSubstr("agent.dueling"))));
+}
+
 TEST_F(Html, LinksToAFileOfEachFigureAndTable) {
     for (const std::uint64_t seed : {1, 2}) {
         folders_.run(fmt::format("runs/s{}", seed), "sac", "Pong", seed, {-20, -10});
@@ -198,6 +213,12 @@ TEST_F(Html, AFileThatALaterReportWouldRemoveStays) {
     EXPECT_THAT([&] { write_report(comparison(), origin_, folders_.path() / "out"); },
                 testing::ThrowsMessage<std::runtime_error>(
                     HasSubstr("rewards.csv is there and would be replaced, by this report or by another")));
+    EXPECT_EQ(read(own), "a user's");
+}
+
+TEST_F(Html, AFileThatNoReportWritesStaysBesideEveryReport) {
+    const auto own = folders_.write("out/scores.png", "a user's");  // reports have scores.csv alone
+    for (int i = 0; i < 2; ++i) write_report(comparison(), origin_, folders_.path() / "out");
     EXPECT_EQ(read(own), "a user's");
 }
 

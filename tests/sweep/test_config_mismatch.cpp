@@ -1,6 +1,7 @@
 // Runs in the sweep's folder that are not the sweep's.
 #include "sweep/config_mismatch.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -61,6 +62,13 @@ TEST_F(Refusal, NamesAFileThatIsCutOrMissing) {
     trained(config);
     folder_.write("run/checkpoints/step_000000100/config.yaml", config);
     EXPECT_EQ(reason(), "");
+    const auto had = [&](int bytes) {
+        folder_.write("run/checkpoints/step_000000100/state.json",
+                      fmt::format("{{\"episodes_offset\": {}}}", bytes));
+        return reason();
+    };
+    EXPECT_THAT(had(1), HasSubstr("its episodes.csv is shorter than at its newest checkpoint"));
+    EXPECT_EQ(had(0), "");
     fs::remove(folder_ / "run/episodes.csv");
     EXPECT_EQ(reason(), "its episodes.csv is missing; put it back, or remove the run's folder");
     trained("");

@@ -977,6 +977,7 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
             {"map -o map.pdf", "cale map: --output map.pdf: a picture's name must end in .svg or .png"},
             {"stick --set env.game=breakout --set env.paddle=absolute",
              "cale stick: env.paddle=absolute: the paddle is placed, and no stick moves it; leave it out"},
+            {"stick --set env.game=pnog", "cale stick: there is no game 'pnog'; did you mean pong?"},
             {"map -o .", "cale map: --output .: that is a folder; give the name of a file"},
             {"export x",
              "cale export: give --output FILE, the file to write, or --web DIR, the folder for a page"},
@@ -1146,8 +1147,8 @@ TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
 
 TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     const TemporaryFolder folder;
-    const std::string write =
-        "export " CALE_SOURCE_DIR "/policies/boxing_sac.safetensors -o mine.safetensors";
+    const std::string before = "export " CALE_SOURCE_DIR "/policies/boxing_sac.safetensors -o ";
+    const auto write = before + "mine.safetensors";
     const auto mine = folder.write("mine.safetensors", "another program's tensors");
     const auto refused = cale_says(write, folder.path());
     EXPECT_EQ(refused.code, 2);
@@ -1158,6 +1159,14 @@ TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     EXPECT_EQ(cale_says(write, folder.path()).code, 0) << "again";
     EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "in another format";
     EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "again";
+    EXPECT_EQ(cale_says(before + "upper.ONNX", folder.path()).code, 0);
+    std::ifstream model(folder.path() / "upper.ONNX", std::ios::binary);
+    EXPECT_EQ(model.get(), 8) << "ONNX begins with its version, a policy file with a length";
+    folder.write("step_000000100/manifest.json", "{}");
+    const auto inside = cale_says(before + "step_000000100/policy.safetensors", folder.path());
+    EXPECT_EQ(inside.code, 2);
+    EXPECT_THAT(inside.text,
+                testing::HasSubstr("policy.safetensors lies in a checkpoint, which would then be damaged"));
     folder.write("other.onnx", "pytorch: layer_norm.scale");
     EXPECT_EQ(cale_says("export mine.safetensors -o other.onnx", folder.path()).code, 2);
 }

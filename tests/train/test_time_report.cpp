@@ -49,6 +49,8 @@ TEST(TimeReport, SaysWhatIsMissing) {
     const test::TemporaryFolder folder;
     EXPECT_THAT([&] { time_report(folder.path()); },
                 ThrowsMessage<std::runtime_error>(HasSubstr("progress.csv")));
+    EXPECT_THAT([&] { time_report(folder.path() / "none"); },
+                ThrowsMessage<std::runtime_error>(HasSubstr("there is no folder")));
     folder.write("progress.csv", kHeader);
     EXPECT_THAT([&] { time_report(folder.path()); },
                 ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("progress.csv"), HasSubstr("log.every"))));

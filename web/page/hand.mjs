@@ -24,6 +24,7 @@ export class Hand {
     #reach = 1;
     #pointer = null;      // {x, y}, where it holds the stick
     #pointerFires = false;
+    #ignored = { stick: false, fire: false };  // what a pointer still held when the hand gave back
     #source = 'keys';     // of the stick: 'keys' or 'pad'; a pointer goes before either
     #pad = { x: 0, y: 0, fire: false, start: false };
     #changed;
@@ -43,6 +44,7 @@ export class Hand {
     }
 
     giveBack() {
+        this.#ignored = { stick: this.#pointer !== null, fire: this.#pointerFires };
         this.release();
         if (!this.taken) return;
         this.taken = false;
@@ -56,10 +58,11 @@ export class Hand {
         this.#pointerFires = false;
     }
 
-    /** Handles a key by its `code`. Returns whether it is one of the joystick's. */
-    key(code, down) {
+    /** Handles a key by its `code`; `repeated` while it is held. Returns whether it is one of the joystick's. */
+    key(code, down, repeated = false) {
         const control = directions[code];
         if (control) {
+            if (repeated && !this.#keys.has(code)) return true;  // held since before the hand let go of it
             if (down) this.#keys.add(code);
             else this.#keys.delete(code);
             if (down && control !== 'half') this.take(control === 'fire' ? undefined : 'keys');
@@ -72,13 +75,15 @@ export class Hand {
 
     /** A pointer holds the stick at (x, y), or, without these, lets go of it. */
     point(x, y) {
-        this.#pointer = x === undefined ? null : { x, y };
+        if (x === undefined) this.#ignored.stick = false;
+        this.#pointer = x === undefined || this.#ignored.stick ? null : { x, y };
         if (this.#pointer) this.take('keys');
     }
 
     pointerFires(down) {
-        this.#pointerFires = down;
-        if (down) this.take();
+        if (!down) this.#ignored.fire = false;
+        this.#pointerFires = down && !this.#ignored.fire;
+        if (this.#pointerFires) this.take();
     }
 
     /** Reads a gamepad, if there is one. */

@@ -30,6 +30,9 @@ function say(sentence) {
 /** Asks for a file where the game would be. */
 function invite(title, text) {
     enableControls(false);
+    hand.giveBack();
+    element('observation').hidden = true;
+    for (const id of ['numbers', 'rate']) element(id).textContent = '';
     element('invitation').hidden = false;
     element('invitation-title').textContent = title;
     element('invitation-text').textContent = text;
@@ -99,7 +102,8 @@ function showDial() {
     const moment = player.moment;
     const paddle = session.trained('paddle') === 'absolute';
     const rest = { radius: 0, theta: 0, fire: 0 };
-    const commanded = moment?.commanded ?? rest;
+    const placed = player.paused && hand.taken;  // by hand, for the next step
+    const commanded = placed ? hand.action() : moment?.commanded ?? rest;
     const gaussian = info.head === 'gaussian';
     const threshold = Number(shown.get('threshold'));
     const edges = session.trained('event_map') === 'ale_0_10' ? [threshold, threshold] : [-threshold, threshold];
@@ -118,7 +122,7 @@ function showDial() {
     const { radius, theta, fire } = commanded;
     const stick = paddle ? `position ${((position(commanded).x + 1) / 2).toFixed(2)}` : `r ${radius.toFixed(2)} · θ ${theta.toFixed(2)}`;
     const event = moment ? events[moment.seen[player.frame]].name : 'NOOP';
-    element('numbers').textContent = `${stick} · fire ${fire.toFixed(2)} → ${event}`;
+    element('numbers').textContent = `${stick} · fire ${fire.toFixed(2)}${placed ? '' : ` → ${event}`}`;
 }
 
 /** What changes with a decision and not with a frame. */
@@ -206,6 +210,7 @@ function repaint(now) {
     if (!session.hasGame) return;
     showRate(now);
     const before = player.moment?.steps;
+    if (player.paused && hand.taken) showDial();
     if (!attempt(() => player.advance(now))) return;
     showFrame();
     if (player.moment.steps === before) showDial();
@@ -396,6 +401,11 @@ function connectHand() {
     });
     fire.addEventListener('pointerup', () => press(false));
     fire.addEventListener('pointercancel', () => press(false));
+    fire.addEventListener('click', (event) => {
+        if (event.detail > 0) return;  // a pointer's
+        press(true);
+        setTimeout(() => press(false), 100);
+    });
     window.addEventListener('blur', () => hand.release());
 }
 
@@ -409,11 +419,14 @@ function connectKeys() {
         if (event.target.closest('input, select, summary')) return;
         if (event.code === 'Space' && event.target.closest('button:not(#fire)')) return;
         if (!event.repeat && commands[event.code]) return commands[event.code]();
-        if (hand.key(event.code, true)) event.preventDefault();
+        if (hand.key(event.code, true, event.repeat)) event.preventDefault();
     };
     document.addEventListener('keydown', press);
     // Wherever and with whatever other keys: what is not let go of stays pressed.
-    document.addEventListener('keyup', (event) => hand.key(event.code, false));
+    document.addEventListener('keyup', (event) => {
+        hand.key(event.code, false);
+        if (event.key === 'Meta') hand.release();  // macOS says nothing of keys that were released meanwhile
+    });
 }
 
 async function main() {
@@ -431,9 +444,11 @@ async function main() {
     connectHand();
     connectKeys();
     showGamepad(null);
-    window.addEventListener('resize', () => {
+    const redraw = () => {
         if (session.hasGame) showDecision();
-    });
+    };
+    window.addEventListener('resize', redraw);
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw);
     requestAnimationFrame(repaint);
     try {
         const policy = await fetchBytes(policyFile);

@@ -64,12 +64,12 @@ class Env(gymnasium.Env):
         options: `new_game`, True: a new game also where the loss of a life ended the episode; else that game
             goes on.
         """
-        super().reset(seed=seed)
         for name in options or {}:
             if name != "new_game":
                 raise ValueError(f"there is no option {name!r} of reset: there is new_game")
         if seed is None and not self._started:
             (seed,) = random_seeds(1)
+        super().reset(seed=seed)
         observation, arrays = self._new_arrays()
         seeds = [None if seed is None else game_seed(int(seed))]
         self._core.reset(seeds, _ALL, bool((options or {}).get("new_game", False)), arrays.core)
@@ -78,8 +78,11 @@ class Env(gymnasium.Env):
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Returns observation, reward, terminated, truncated and infos of one agent step."""
+        action = np.asarray(action)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"an action has the shape {self.action_space.shape}, not {action.shape}")
         observation, arrays = self._new_arrays()
-        self._core.step(self._read_actions(np.asarray(action)[np.newaxis]), arrays.core)
+        self._core.step(self._read_actions(action[np.newaxis]), arrays.core)
         return (observation, float(arrays.rewards[0]), bool(arrays.terminated[0]), bool(arrays.truncated[0]),
                 self._info(arrays))
 

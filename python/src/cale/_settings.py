@@ -81,6 +81,8 @@ def with_settings(apart: Iterable[str]) -> Callable[[_Function], _Function]:
         signature = inspect.signature(function)
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
         by_name = [inspect.Parameter(s["name"], inspect.Parameter.KEYWORD_ONLY, default=s["default"]) for s in table]
+        # Its type is for type checkers alone; get_type_hints() would look for it.
+        function.__annotations__.pop("settings", None)
         function.__signature__ = signature.replace(parameters=own + by_name)  # type: ignore[attr-defined]
         lines = []
         for setting in table:

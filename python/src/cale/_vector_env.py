@@ -97,7 +97,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             if not mask.all():
                 raise ValueError("the first reset must be of all environments: leave options['reset_mask'] out")
             if seed is None:
-                seed = random_seeds(self.num_envs)
+                (seed,) = random_seeds(1)
         if isinstance(seed, (int, np.integer)):
             super().reset(seed=int(seed))
             seeds: list[int | None] = [int(seed) + i for i in range(self.num_envs)]
@@ -112,7 +112,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         observations, arrays = self._arrays()
         self._core.reset([None if s is None else game_seed(s) for s in seeds], mask, new_game, arrays.core)
         self._started = True
-        return observations, self._infos(arrays, mask.copy())
+        return observations, self._infos(arrays, mask)
 
     def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Returns observations, rewards, terminated, truncated and infos of one agent step of all environments."""
@@ -160,9 +160,15 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         """Returns the consoles' memory, [N, 128]."""
         return np.stack([self._core.ram(i) for i in range(self.num_envs)])
 
+    def frame_number(self) -> np.ndarray:
+        """Returns how many frames each game has emulated since its ROM was loaded."""
+        return np.array([self._core.frame_number(i) for i in range(self.num_envs)])
+
     def action_meanings(self) -> list[str]:
         """Returns the joystick events of discrete actions; nothing for the continuous joystick."""
         return self._core.events()
+
+    get_action_meanings = action_meanings  # ALE's name, which wrappers look for
 
     def close_extras(self, **kwargs: Any) -> None:
         """Ends the environments, after the step that is under way."""
@@ -199,7 +205,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
     def _infos(self, arrays: StepArrays, mask: np.ndarray) -> dict[str, Any]:
         infos = arrays.infos()
-        infos.update({f"_{name}": mask for name in list(infos)})
+        infos.update({f"_{name}": mask.copy() for name in list(infos)})
         return infos
 
     def _result(self, observations: np.ndarray, arrays: StepArrays) -> tuple[
@@ -220,7 +226,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         for i in np.flatnonzero(ended):
             final_obs[i] = np.empty(self._shape[1:], np.uint8)
             self._core.final(int(i), final_obs[i], arrays.core)
-        infos.update(final_obs=final_obs, _final_obs=ended.copy(), final_info=self._infos(arrays, ended.copy()),
+        infos.update(final_obs=final_obs, _final_obs=ended.copy(), final_info=self._infos(arrays, ended),
                      _final_info=ended.copy())
 
 

@@ -85,20 +85,28 @@ class SB3VecEnv(VecEnv):
         return [getattr(self.envs, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Sets an attribute of the vector environment."""
+        """Sets an attribute of the vector environment. Refuses a part of the environments."""
+        self._require_all(indices)
         setattr(self.envs, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Calls a method of the vector environment, once, and returns its result for each environment."""
-        result = getattr(self.envs, method_name)(*args, **kwargs)
-        return [result] * len(list(self._get_indices(indices)))
+        """Calls a method of the vector environment, once, and returns its result for each environment. Refuses a part
+        of the environments."""
+        self._require_all(indices)
+        return [getattr(self.envs, method_name)(*args, **kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
         """Returns that no environment is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
+    def _require_all(self, indices: Any) -> None:
+        """The environments are one object: what is called or set holds for all of them."""
+        if sorted(self._get_indices(indices)) != list(range(self.num_envs)):
+            raise ValueError(f"indices={indices!r}: these environments are one object; leave indices out")
+
     @staticmethod
     def _listed(infos: dict[str, Any]) -> list[dict[str, Any]]:
-        """Returns the infos that tell of lives and of the game's end, as a dictionary for each environment."""
-        return [{"lives": int(lives), "episode_over": bool(over)}
-                for lives, over in zip(infos["lives"], infos["episode_over"])]
+        """Returns the infos as a dictionary for each environment, with numbers of Python's where there is one number."""
+        names = [name for name in infos if not name.startswith("_") and name not in ("final_obs", "final_info")]
+        columns = [infos[name].tolist() if infos[name].ndim == 1 else infos[name] for name in names]
+        return [dict(zip(names, row)) for row in zip(*columns)]
