@@ -98,8 +98,7 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
             return "its episodes.csv is missing; put it back, or remove the run's folder";
         if (fs::file_size(folder / "episodes.csv") < episode_bytes_at(checkpoints.back()))
             return "its episodes.csv is shorter than at its newest checkpoint; put the whole one back, or "
-                   "remove "
-                   "the run's folder";
+                   "remove the run's folder";
         return "";
     } catch (const std::exception& error) {
         return fmt::format(
