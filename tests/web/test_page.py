@@ -262,6 +262,49 @@ class Page(unittest.TestCase):
         self.assertEqual(self.text("player"), "The policy plays")
         self.plays_on()
 
+    def test_what_is_still_held_takes_over_again_only_once_it_was_let_go_of(self):
+        self.open()
+        self.drop("road_runner")
+        key = """document.body.dispatchEvent(new KeyboardEvent(arguments[0],
+            { code: 'ArrowLeft', key: 'ArrowLeft', repeat: arguments[1], bubbles: true }))"""
+        self.browser.execute_script(key, "keydown", False)
+        self.until(lambda: self.text("player") == "You play")
+        self.find("hand").click()
+        self.browser.execute_script(key, "keydown", True)
+        self.assertEqual(self.text("player"), "The policy plays", "though the key is still held")
+        self.browser.execute_script(key, "keyup", False)
+        self.browser.execute_script(key, "keydown", False)
+        self.assertEqual(self.text("player"), "You play")
+        self.browser.execute_script(key, "keyup", False)
+        # The same of the mouse on the dial.
+        width = self.find("dial").size["width"]
+        ActionChains(self.browser).move_to_element_with_offset(self.find("dial"), -width // 2 + 4, 0).click_and_hold().perform()
+        self.until(lambda: self.text("numbers").endswith("LEFT"))
+        self.browser.execute_script("document.getElementById('hand').click()")
+        ActionChains(self.browser).move_by_offset(3, 3).perform()
+        self.plays_on()
+        self.assertEqual(self.text("player"), "The policy plays", "though the button is still held")
+        ActionChains(self.browser).release().perform()
+
+    def test_the_button_for_fire_works_without_a_pointer(self):
+        self.open()
+        self.drop("road_runner")
+        self.find("fire").send_keys(Keys.ENTER)
+        self.until(lambda: self.text("player") == "You play")
+        self.until(lambda: "fire 1.00" in self.text("numbers"))
+        self.until(lambda: "fire 0.00" in self.text("numbers"))
+
+    def test_a_hand_is_seen_while_the_game_waits(self):
+        self.open()
+        self.drop("road_runner")
+        self.find("pause").click()
+        width = self.find("dial").size["width"]
+        ActionChains(self.browser).move_to_element_with_offset(self.find("dial"), -width // 2 + 4, 0).click_and_hold().perform()
+        self.until(lambda: self.text("numbers").startswith("r 1.00"))
+        self.assertEqual(self.text("player"), "You play")
+        ActionChains(self.browser).release().perform()
+        self.until(lambda: self.text("numbers").startswith("r 0.00"))
+
     def test_a_gamepad_takes_over_and_gives_back(self):
         self.open()
         self.drop("road_runner")
