@@ -74,6 +74,8 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     } catch (const fs::filesystem_error& error) {
         return fmt::format("its folder cannot be read: {}: {}", error.path1().string(),
                            error.code().message());
+    } catch (const std::exception& error) {
+        return fmt::format("its folder cannot be read: {}", error.what());
     }
     const auto checkpoints = list_checkpoints(folder);
     const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back());

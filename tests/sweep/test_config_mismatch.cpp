@@ -57,6 +57,11 @@ TEST_F(Refusal, NamesEverySettingThatDiffersAndTheWayOut) {
     EXPECT_EQ(status_of(planned_, folder_ / "run").message, reason());
 }
 
+TEST_F(Refusal, NamesAFileThatCannotBeRead) {
+    fs::create_directories(folder_ / "run/episodes.csv");  // no file, so that reading it fails
+    EXPECT_THAT(reason(), HasSubstr("its folder cannot be read: "));
+}
+
 TEST_F(Refusal, NamesAFileThatIsCutOrMissing) {
     const std::string config = "agent: {loss: huber, rate: 0.0001}\n";
     trained(config);
