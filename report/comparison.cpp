@@ -572,6 +572,10 @@ bool has_intervals(const Comparison& comparison) {
     });
 }
 
+bool has_interval_of_aggregates(const Comparison& comparison) {
+    return std::ranges::any_of(comparison.results, &GroupResult::has_interval);
+}
+
 bool has_interval_of_a_pair(const Comparison& comparison) {
     return std::ranges::any_of(comparison.improvements, &Improvement::has_interval);
 }

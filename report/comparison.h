@@ -114,6 +114,9 @@ const GameResult* find_game_in(const GroupResult& group, std::string_view game);
 /// Whether any game has several runs of a group, so that there is an interval to show.
 bool has_intervals(const Comparison& comparison);
 
+/// Whether any group has an interval of its aggregates.
+bool has_interval_of_aggregates(const Comparison& comparison);
+
 /// Whether any pair of groups has an interval of the probability that one scores more.
 bool has_interval_of_a_pair(const Comparison& comparison);
 

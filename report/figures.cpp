@@ -18,10 +18,7 @@ namespace {
 
 constexpr double kLabelSize = 13;
 
-/// Whether any group has an interval of its aggregates, or all have.
-bool some_interval(const Comparison& comparison) {
-    return std::ranges::any_of(comparison.results, &GroupResult::has_interval);
-}
+/// Whether every group has an interval of its aggregates.
 bool all_intervals(const Comparison& comparison) {
     return std::ranges::all_of(comparison.results, &GroupResult::has_interval);
 }
@@ -39,7 +36,7 @@ std::string method_of(const Comparison& comparison, std::int64_t resamples, bool
 /// The same for curves with bands.
 std::string method_of_bands(const Comparison& comparison) {
     const auto resamples = std::min(comparison.config.bootstrap.resamples, kBandResamples);
-    const bool some = some_interval(comparison);
+    const bool some = has_interval_of_aggregates(comparison);
     return (some ? "pointwise; " : "") + method_of(comparison, resamples, some);
 }
 
@@ -134,7 +131,7 @@ Picture aggregate_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, bottom + 34,
-        method_of(comparison, comparison.config.bootstrap.resamples, some_interval(comparison)) +
+        method_of(comparison, comparison.config.bootstrap.resamples, has_interval_of_aggregates(comparison)) +
             (comparison.baselines.empty() ? ""
                                           : "; diamonds: published mean scores per game, without intervals"));
     return picture;
@@ -261,10 +258,11 @@ std::vector<Figure> figures(const Comparison& comparison) {
                  "0 is the published random score, 1 the human's. The interquartile mean (IQM) averages the "
                  "middle half of all runs on all games; the median and the mean are those of the games' "
                  "means; the optimality gap is how far runs fall short of 1 on average. ") +
-                 (all_intervals(comparison)   ? "A bar is the interval, the line across it the estimate."
-                  : some_interval(comparison) ? "A bar is the interval, the line across it the estimate, a "
-                                                "point an estimate without an interval."
-                                              : "A point is the estimate."),
+                 (all_intervals(comparison) ? "A bar is the interval, the line across it the estimate."
+                  : has_interval_of_aggregates(comparison)
+                      ? "A bar is the interval, the line across it the estimate, a "
+                        "point an estimate without an interval."
+                      : "A point is the estimate."),
              aggregate_figure(comparison)});
         const bool curves = std::any_of(comparison.results.begin(), comparison.results.end(),
                                         [](const auto& result) { return result.curve_steps.size() > 1; });

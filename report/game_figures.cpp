@@ -7,6 +7,7 @@
 #include <iterator>
 #include <map>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "cale/action.h"
@@ -42,10 +43,6 @@ std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data)
     sorted.reserve(rows.size());
     for (auto& [name, row] : rows) sorted.push_back(std::move(row));
     return sorted;
-}
-
-std::vector<GameRow> all_rows(const Comparison& comparison) {
-    return rows_with(comparison, [](const GameResult&) { return true; });
 }
 
 /// The labels by group, empty for a group that these rows have nothing of.
@@ -469,7 +466,7 @@ Picture game_table_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, y + 10,
-        fmt::format("mean of the runs ({}); {}{}", runs_in(all_rows(comparison), &Run::scores),
+        fmt::format("mean of the runs ({}); {}{}", runs_text_of_all_games(comparison),
                     interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
                     comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
     return picture;
@@ -484,42 +481,41 @@ Picture zone_figure(const Comparison& comparison) {
     struct Shown {
         std::string_view game;
         std::string title;
-        const std::vector<ZoneRow>* zones;
+        const std::vector<ZoneRow>& zones;
     };
     std::vector<Shown> shown;
     for (const auto& row : rows) {
         for (std::size_t group = 0; group < row.results.size(); ++group) {
             const auto which = drawn(labels) == 1 ? "" : ": " + letter(group);
             if (const auto* result = row.results[group]; result != nullptr)
-                shown.push_back({row.game->name, std::string(row.game->name) + which, &result->zones});
+                shown.push_back({row.game->name, std::string(row.game->name) + which, result->zones});
         }
     }
     constexpr std::size_t kMostPanels = 48;
-    const auto panels = shown.size();
-    if (panels > kMostPanels) shown.erase(shown.begin() + kMostPanels, shown.end());
-    auto picture = titled_picture("Zones of the joystick over the training", Grid(shown.size(), 0).width());
+    const auto panels = std::span(shown).first(std::min(shown.size(), kMostPanels));
+    auto picture = titled_picture("Zones of the joystick over the training", Grid(panels.size(), 0).width());
     draw_zone_key(picture, kMargin, 50);
     const double key = drawn(labels) > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
-    const Grid grid(shown.size(), 100 + key);
-    for (std::size_t i = 0; i < shown.size(); ++i) {
+    const Grid grid(panels.size(), 100 + key);
+    for (std::size_t i = 0; i < panels.size(); ++i) {
         Panel panel = grid.panel(i);
-        const auto& [game, title, zones] = shown[i];
-        panel.x = {0, zones->back().step};
+        const auto& [game, title, zones] = panels[i];
+        panel.x = {0, zones.back().step};
         panel.y = {0, 1};
         const auto before = extent_of(picture);
         draw_axes(picture, panel, 3, 2, 11);
         title_panel(picture, panel, title);
-        draw_zones(picture, panel, *zones);
+        draw_zones(picture, panel, zones);
         assign_panel(picture, before, panel, game);
     }
-    finish_picture(
-        picture, grid.bottom(),
-        fmt::format("part of the agent steps since the point before, over agent steps; mean of "
-                    "the runs ({}); six games at most{}",
-                    runs_in(rows, &Run::zones),
-                    panels > kMostPanels
-                        ? fmt::format(", the first {} of {} panels; the table has all", kMostPanels, panels)
-                        : ""));
+    finish_picture(picture, grid.bottom(),
+                   fmt::format("part of the agent steps since the point before, over agent steps; mean of "
+                               "the runs ({}); six games at most{}",
+                               runs_in(rows, &Run::zones),
+                               panels.size() < shown.size()
+                                   ? fmt::format(", the first {} of {} panels; the table has all",
+                                                 panels.size(), shown.size())
+                                   : ""));
     return picture;
 }
 

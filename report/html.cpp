@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <map>
-#include <set>
 #include <string_view>
 #include <utility>
 
@@ -160,10 +159,10 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
                           figure.name == "probability_of_improvement";
     if (is_table) files.insert(files.end(), {figure.name + ".tex", figure.name + ".md"});
     html += file_links(files);
-    const bool intervals = std::ranges::any_of(comparison.results, &GroupResult::has_interval);
     if (figure.name == "aggregates")
-        html += html_table(aggregate_table(comparison), intervals ? "Human-normalised, estimate [interval]"
-                                                                  : "Human-normalised estimates");
+        html += html_table(aggregate_table(comparison), has_interval_of_aggregates(comparison)
+                                                            ? "Human-normalised, estimate [interval]"
+                                                            : "Human-normalised estimates");
     if (figure.name == "probability_of_improvement")
         html += html_table(improvement_table(comparison),
                            has_interval_of_a_pair(comparison) ? "Estimate [interval]" : "Estimates");
@@ -229,16 +228,10 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
 
 std::string summary(const Comparison& comparison) {
     std::size_t runs = 0;
-    std::set<std::size_t> of_a_game;
-    for (const auto& group : comparison.results) {
-        for (const auto& game : group.games) {
-            runs += game.runs.size();
-            of_a_game.insert(game.runs.size());
-        }
-    }
-    return fmt::format(
-        "{} in {}; {}; aggregates over {}", counted(runs, "run"), counted(comparison.groups.size(), "group"),
-        runs_text(*of_a_game.begin(), *of_a_game.rbegin()), counted(comparison.games.size(), "game"));
+    for (const auto& group : comparison.groups) runs += group.runs.size();
+    return fmt::format("{} in {}; {}; aggregates over {}", counted(runs, "run"),
+                       counted(comparison.groups.size(), "group"), runs_text_of_all_games(comparison),
+                       counted(comparison.games.size(), "game"));
 }
 
 std::string game_names(const Comparison& comparison) {

@@ -406,6 +406,13 @@ std::string runs_text(const Comparison& comparison) {
     return runs_text(least, most);
 }
 
+std::string runs_text_of_all_games(const Comparison& comparison) {
+    std::set<std::size_t> counts;
+    for (const auto& group : comparison.results)
+        for (const auto& game : group.games) counts.insert(game.runs.size());
+    return runs_text(*counts.begin(), *counts.rbegin());
+}
+
 std::string to_text(const Table& table) {
     std::vector<std::size_t> widths(table.header.size(), 0);
     const auto measure = [&](const std::vector<std::string>& row) {

@@ -38,6 +38,8 @@ Table shared_setting_table(const Comparison& comparison);
 /// "5 runs per game", "2-5 runs per game"
 std::string runs_text(std::size_t least, std::size_t most);
 std::string runs_text(const Comparison& comparison);
+/// The same of all games, also those that are not compared.
+std::string runs_text_of_all_games(const Comparison& comparison);
 
 /// The table in columns of text for a terminal.
 std::string to_text(const Table& table);

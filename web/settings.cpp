@@ -1,6 +1,7 @@
 #include "web/settings.h"
 
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -10,14 +11,21 @@
 namespace cale::web {
 namespace {
 
+std::optional<SettingField> find_setting(std::string_view name, EnvConfig& env) {
+    for (const auto& setting : setting_fields(env))
+        if (setting.name == name) return setting;
+    return std::nullopt;
+}
+
+std::string no_setting(std::string_view name) {
+    return "there is no setting '" + std::string(name) + "'";
+}
+
 /// Throws std::invalid_argument where there is none.
 SettingField setting_called(std::string_view name, EnvConfig& env) {
-    const auto settings = setting_fields(env);
-    const auto found = std::find_if(settings.begin(), settings.end(),
-                                    [name](const SettingField& setting) { return setting.name == name; });
-    if (found == settings.end())
-        throw std::invalid_argument("there is no setting '" + std::string(name) + "'");
-    return *found;
+    const auto setting = find_setting(name, env);
+    if (!setting) throw std::invalid_argument(no_setting(name));
+    return *setting;
 }
 
 void set(EnvConfig& env, std::string_view name, std::string_view text) {
@@ -45,14 +53,12 @@ EnvConfig trained_env(const PolicyInfo& info) {
         if (!inside || !line.starts_with("  ") || colon == line.npos) continue;
         const auto name = line.substr(2, colon - 2);
         if (name == "rom_dir") continue;
-        try {
-            static_cast<void>(setting_called(name, env));
-        } catch (const std::invalid_argument& error) {
+        const auto setting = find_setting(name, env);
+        if (!setting)
             throw std::runtime_error("this page is older than the policy: of its environment, " +
-                                     std::string(error.what()));
-        }
+                                     no_setting(name));
         try {
-            set(env, name, unquoted(line.substr(colon + 2)));
+            read_setting(name, setting->range, unquoted(line.substr(colon + 2)), setting->member);
         } catch (const std::invalid_argument& error) {
             throw std::runtime_error("the environment that the policy was trained in cannot be used: " +
                                      std::string(error.what()));

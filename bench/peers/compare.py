@@ -57,13 +57,14 @@ options.add_argument("--agent", choices=["sac", "sacd", "dqn", "der", "ppo"], he
 options.add_argument("--threads", type=int, nargs="+", choices=[1, 2], default=[1, 2], help="of updates and PPO")
 options.add_argument("--seconds", type=float, default=5,
                      help="of one timed update; a peer's end-to-end window is 4 x as long, ours 360 agent steps (PPO: 2,048)")
-options.add_argument("--csv", default=f"{BUILD}/bench.csv")
+DEFAULT_CSV = f"{BUILD}/bench.csv"  # whose folder the build makes
+options.add_argument("--csv", default=DEFAULT_CSV)
 options.add_argument("--check", action="store_true", help="check these options and stop")
 options = options.parse_args()
 
 if os.path.exists(options.csv):
     sys.exit(f"bench/compare: {options.csv} is there already, perhaps of hours of work: remove it, or name another --csv")
-if options.csv != f"{BUILD}/bench.csv" and not os.path.isdir(os.path.dirname(options.csv) or "."):
+if options.csv != DEFAULT_CSV and not os.path.isdir(os.path.dirname(options.csv) or "."):
     sys.exit(f"bench/compare: there is no folder {os.path.dirname(options.csv)}: make it, or name another --csv")
 # Decisions take one thread, updates and PPO those that are asked for, all else two.
 needed = {"decision": 1, "update": max(options.threads), "ppo": max(options.threads)}.get(options.only, 2)

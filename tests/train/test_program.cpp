@@ -1147,8 +1147,8 @@ TEST(CaleProgram, FilesThatAreNoPolicyAreNotRead) {
 
 TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     const TemporaryFolder folder;
-    const std::string before = "export " CALE_SOURCE_DIR "/policies/boxing_sac.safetensors -o ";
-    const auto write = before + "mine.safetensors";
+    const std::string export_to = "export " CALE_SOURCE_DIR "/policies/boxing_sac.safetensors -o ";
+    const auto write = export_to + "mine.safetensors";
     const auto mine = folder.write("mine.safetensors", "another program's tensors");
     const auto refused = cale_says(write, folder.path());
     EXPECT_EQ(refused.code, 2);
@@ -1159,11 +1159,11 @@ TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     EXPECT_EQ(cale_says(write, folder.path()).code, 0) << "again";
     EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "in another format";
     EXPECT_EQ(cale_says(write + " --format onnx", folder.path()).code, 0) << "again";
-    EXPECT_EQ(cale_says(before + "upper.ONNX", folder.path()).code, 0);
+    EXPECT_EQ(cale_says(export_to + "upper.ONNX", folder.path()).code, 0);
     std::ifstream model(folder.path() / "upper.ONNX", std::ios::binary);
     EXPECT_EQ(model.get(), 8) << "ONNX begins with its version, a policy file with a length";
     folder.write("step_000000100/manifest.json", "{}");
-    const auto inside = cale_says(before + "step_000000100/policy.safetensors", folder.path());
+    const auto inside = cale_says(export_to + "step_000000100/policy.safetensors", folder.path());
     EXPECT_EQ(inside.code, 2);
     EXPECT_THAT(inside.text,
                 testing::HasSubstr("policy.safetensors lies in a checkpoint, which would then be damaged"));

@@ -178,6 +178,12 @@ class Page(unittest.TestCase):
         before = self.steps()
         self.until(lambda: self.steps() > before + 3)
 
+    def hold_the_stick_left(self):
+        """By the mouse, on the dial. The disc's centre is a little left of the canvas's, beside which the button's meter is."""
+        dial = self.find("dial")
+        width = dial.size["width"]
+        ActionChains(self.browser).move_to_element_with_offset(dial, -width // 2 + 4, 0).click_and_hold().perform()
+
     def compare(self, policy, rom, seed, changes=()):
         words = [str(TRACE), str(ROOT / f"policies/{policy}.safetensors"), str(STEPS), str(seed), *changes]
         native = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
@@ -248,10 +254,7 @@ class Page(unittest.TestCase):
         self.open()
         self.drop("road_runner")
         self.assertEqual(self.text("player"), "The policy plays")
-        dial = self.find("dial")
-        # The disc's centre is a little left of the canvas's, beside which the button's meter is.
-        width = dial.size["width"]
-        ActionChains(self.browser).move_to_element_with_offset(dial, -width // 2 + 4, 0).click_and_hold().perform()
+        self.hold_the_stick_left()
         self.until(lambda: self.text("player") == "You play")
         self.until(lambda: self.text("numbers").startswith("r 1.00 · θ 3.14") or "θ -3.1" in self.text("numbers"))
         self.until(lambda: self.text("numbers").endswith("LEFT"))
@@ -277,8 +280,7 @@ class Page(unittest.TestCase):
         self.assertEqual(self.text("player"), "You play")
         self.browser.execute_script(key, "keyup", False)
         # The same of the mouse on the dial.
-        width = self.find("dial").size["width"]
-        ActionChains(self.browser).move_to_element_with_offset(self.find("dial"), -width // 2 + 4, 0).click_and_hold().perform()
+        self.hold_the_stick_left()
         self.until(lambda: self.text("numbers").endswith("LEFT"))
         self.browser.execute_script("document.getElementById('hand').click()")
         ActionChains(self.browser).move_by_offset(3, 3).perform()
@@ -298,8 +300,7 @@ class Page(unittest.TestCase):
         self.open()
         self.drop("road_runner")
         self.find("pause").click()
-        width = self.find("dial").size["width"]
-        ActionChains(self.browser).move_to_element_with_offset(self.find("dial"), -width // 2 + 4, 0).click_and_hold().perform()
+        self.hold_the_stick_left()
         self.until(lambda: self.text("numbers").startswith("r 1.00"))
         self.assertEqual(self.text("player"), "You play")
         ActionChains(self.browser).release().perform()
