@@ -164,10 +164,10 @@ struct ActorCriticState {
     }
 
     /// Returns the network that chooses actions.
-    Network acting() const { return acts_with_target ? target : network; }
+    Network acting_network() const { return acts_with_target ? target : network; }
 
     Network network, target;                                   // online; target (values next states)
-    bool acts_with_target = false;                             // see acting()
+    bool acts_with_target = false;                             // see acting_network()
     torch::Tensor log_alpha;                                   // [1] of the temperature
     std::vector<torch::Tensor> parameters, target_parameters;  // of the network, of the target
     std::vector<torch::Tensor> actor, critic;                  // the network's, as the losses train them

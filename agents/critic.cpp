@@ -16,13 +16,13 @@ torch::Tensor CriticSettings::support() const {
 CriticTargets critic_targets(const TwinValues& outputs, const torch::Tensor& support, TwinEstimate estimate,
                              const torch::Tensor& bonus, const Batch& batch, double reward_scale) {
     const auto q = critic_values(outputs, support);
-    CriticTargets targets{.values = bootstrapped(batch, q.estimate(estimate) + bonus, reward_scale)};
+    CriticTargets targets{.values = n_step_target(batch, q.estimate(estimate) + bonus, reward_scale)};
     if (!support.defined()) return targets;
     const auto p1 = outputs.q1.softmax(1), p2 = outputs.q2.softmax(1);
     const auto next =
         estimate == TwinEstimate::mean ? (p1 + p2) / 2 : torch::where((q.q1 <= q.q2).unsqueeze(1), p1, p2);
     // The entropy's part moves every atom by the same distance.
-    const auto returns = bootstrapped(batch, support + bonus.unsqueeze(1), reward_scale);  // [B, atoms]
+    const auto returns = n_step_target(batch, support + bonus.unsqueeze(1), reward_scale);  // [B, atoms]
     targets.distribution = project_distribution(returns, next, support);
     return targets;
 }

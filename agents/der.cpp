@@ -59,8 +59,8 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
         // Double Q-learning: one network chooses, the other evaluates.
         const auto choosing = config.double_dqn ? network(batch.next_observation, &noise.target) : next;
         const auto evaluated = gather_outputs(next, action_values(choosing, support).argmax(1));
-        const auto returns = bootstrapped(batch, config.distributional ? support.unsqueeze(0) : evaluated,
-                                          config.replay.reward_scale);
+        const auto returns = n_step_target(batch, config.distributional ? support.unsqueeze(0) : evaluated,
+                                           config.replay.reward_scale);
         expected =
             config.distributional ? project_distribution(returns, evaluated.softmax(1), support) : returns;
     }
@@ -101,15 +101,15 @@ struct Der : QState {
     Der(const DerConfig& settings, const AgentSpec& spec)
         : QState(settings, spec), config(settings), device(spec.device) {}
 
-    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const bool noisy = now.training || is_noisy(network->acting);
+    torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
+        const bool noisy = context.training || is_noisy(network->acting);
         // With one draw for all, the environments would explore alike.
-        const auto noise = noisy ? draw(now.random, observations.size(0)) : QNoise{};
+        const auto noise = noisy ? draw(context.random, observations.size(0)) : QNoise{};
         const auto output = network(observations, noisy ? &noise : nullptr);
         const auto values = action_values(output, support_of(config, output.options()));
         require_finite(values, "an action's value");
-        return epsilon_greedy(values.argmax(1).cpu(), now.epsilon, network->acting.head.num_actions,
-                              now.random);
+        return epsilon_greedy(values.argmax(1).cpu(), context.epsilon, network->acting.head.num_actions,
+                              context.random);
     }
 
     DerLosses learn(const Batch& batch, const at::Generator& random) {

@@ -28,7 +28,7 @@ DqnLosses dqn_losses(QNetwork& network, QNetwork& target, const Batch& batch, co
         const torch::NoGradGuard no_grad;
         const auto next = target(batch.next_observation).squeeze(2);
         const auto chosen = (config.double_dqn ? network(batch.next_observation).squeeze(2) : next).argmax(1);
-        y = bootstrapped(batch, gather_actions(next, chosen), config.replay.reward_scale);
+        y = n_step_target(batch, gather_actions(next, chosen), config.replay.reward_scale);
     }
     const auto loss = config.loss == ValueLoss::huber ? at::huber_loss(q, y) : at::mse_loss(q, y);
     return {loss, q.detach(), y};
@@ -51,14 +51,14 @@ struct Dqn : QState {
 
     Dqn(const DqnConfig& settings, const AgentSpec& spec) : QState(settings, spec), config(settings) {}
 
-    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
+    torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
         auto greedy = torch::zeros({observations.size(0)}, torch::kInt64);
-        if (now.epsilon < 1) {
+        if (context.epsilon < 1) {
             const auto values = network(observations).squeeze(2);
             require_finite(values, "an action's value");
             greedy = values.argmax(1).cpu();
         }
-        return epsilon_greedy(greedy, now.epsilon, network->acting.head.num_actions, now.random);
+        return epsilon_greedy(greedy, context.epsilon, network->acting.head.num_actions, context.random);
     }
 
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }

@@ -142,7 +142,7 @@ void require_batch_shapes(std::string_view who, const Batch& batch, at::IntArray
     require_shape(who, "the next observation", batch.next_observation, batch.observation.sizes());
 }
 
-torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale) {
+torch::Tensor n_step_target(const Batch& batch, const torch::Tensor& next_value, double reward_scale) {
     const auto of_state = [&](const torch::Tensor& x) {
         const auto typed = x.to(next_value.scalar_type());
         return next_value.dim() == 2 ? typed.unsqueeze(1) : typed;

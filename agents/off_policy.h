@@ -143,7 +143,7 @@ struct RandomStreams {
 
 /// Returns the value target y for the next states' values, [B] or several for each state [B, n] (or [1, n]):
 /// scaled n-step return plus discounted value.
-torch::Tensor bootstrapped(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
+torch::Tensor n_step_target(const Batch& batch, const torch::Tensor& next_value, double reward_scale);
 
 /// Throws std::invalid_argument where observations that are no images are to be shifted.
 void check_random_shift(const ReplaySettings& settings, const AgentSpec& spec);
@@ -168,10 +168,10 @@ bool is_prioritised(const Config& config) {
 }
 
 /// The context in which an algorithm acts.
-struct Acting {
+struct ActContext {
     bool training;       // with exploration; else as evaluations act
     double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
-    bool draws_epsilon;  // SAC and SAC-D draw nothing where this is false; DQN and DER draw always
+    bool draws_epsilon;  // false: agents with a policy draw no number for epsilon; those of values always do
     at::Generator random;  // of training or of evaluation, on the CPU
 };
 
@@ -180,17 +180,20 @@ struct Acting {
 ///     Config config                with replay, epsilon, learning_rate, kName and kDiscrete
 ///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
 ///                                                      graph (agents/captured_update.h)
-///     Tensor act(const Tensor& observations, const Acting&)
+///     Tensor act(const Tensor& observations, const ActContext&)
 ///     map<string, double> metrics(const Losses&)
 ///     void add_state(StateParts&)
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
 /// and, where it has them,
-///     acting()->acting, or network->acting             the specification that policies are exported by
-///     config.sampled_evaluation, with acting()         whether evaluations draw their actions
+///     acting_network()->acting, or network->acting     the specification that policies are exported by
+///     config.sampled_evaluation, and acting_network()  whether evaluations draw their actions
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]
 ///     double epsilon(double scheduled, bool warms_up)  epsilon in training, if not the scheduled one
-///     config.exploration                               standard: explores by its own noise, without epsilon
+///     config.exploration                               standard, also where it is the default: actions are
+///                                                      drawn from the policy, without epsilon
+///     Config::kSizeSettings, and make_network()        the memory that it needs is checked before it is
+///                                                      made; the settings that make it smaller
 ///     config.actor_period                              learn() takes a third argument, false in gradient
 ///                                                      steps that leave the actor as it is, and its
 ///                                                      Losses::critic [] is what the critics minimise
@@ -225,7 +228,7 @@ class OffPolicy final : public Agent {
         return algorithm_.act(observations.to(spec_.device),
                               {.training = training,
                                .epsilon = epsilon,
-                               .draws_epsilon = !explores_by_noise() && (training || epsilon > 0),
+                               .draws_epsilon = !policy_explores() && (training || epsilon > 0),
                                .random = training ? random_.acting : random_.evaluation});
     }
 
@@ -265,8 +268,9 @@ class OffPolicy final : public Agent {
         critics_step_.forget();
     }
     std::optional<AgentPolicy> policy() const override {
-        if constexpr (requires { algorithm_.acting(); })
-            return policy_of(algorithm_.acting(), algorithm_.config.sampled_evaluation, evaluation_epsilon());
+        if constexpr (requires { algorithm_.acting_network(); })
+            return policy_of(algorithm_.acting_network(), algorithm_.config.sampled_evaluation,
+                             evaluation_epsilon());
         else if constexpr (requires { algorithm_.network->acting; })
             return policy_of(algorithm_.network, is_noisy(algorithm_.network->acting), evaluation_epsilon());
         return std::nullopt;
@@ -274,15 +278,17 @@ class OffPolicy final : public Agent {
     Replay* replay() override { return &replay_.buffer(); }
 
   private:
-    bool explores_by_noise() const {
+    /// Whether actions in training are drawn from the policy, without epsilon. Not by noisy weights: there
+    /// epsilon is 0.
+    bool policy_explores() const {
         if constexpr (requires { algorithm_.config.exploration; })
             return algorithm_.config.exploration == Exploration::standard;
         return false;
     }
 
-    /// None if the algorithm explores by its own noise.
+    /// None where the policy explores.
     std::optional<double> exploration_epsilon() const {
-        if (explores_by_noise()) return std::nullopt;
+        if (policy_explores()) return std::nullopt;
         const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
         if constexpr (requires { algorithm_.epsilon(scheduled, true); })
             return algorithm_.epsilon(scheduled, replay_.warms_up());
@@ -290,7 +296,7 @@ class OffPolicy final : public Agent {
     }
 
     double evaluation_epsilon() const {
-        return explores_by_noise() ? 0 : algorithm_.config.epsilon.epsilon_eval;
+        return policy_explores() ? 0 : algorithm_.config.epsilon.epsilon_eval;
     }
 
     /// The batch as an algorithm sees it.
@@ -332,7 +338,7 @@ class OffPolicy final : public Agent {
     Algorithm algorithm_;
     AgentReplay replay_;
     RandomStreams random_;
-    CapturedUpdate gradient_step_, critics_step_;       // with the actor; without a delayed actor
+    CapturedUpdate gradient_step_, critics_step_;       // all losses; the critics', between the actor's
     std::int64_t gradient_steps_ = 0;                   // saved where the actor is delayed
     std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step with the actor
     torch::Tensor critics_loss_;  // [] of the newest one without, where the actor is delayed

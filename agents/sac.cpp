@@ -14,7 +14,8 @@ namespace cale {
 
 namespace {
 
-/// Of y in SAC's equation 5: the reward and the soft value of what follows.
+/// Returns y of SAC's equation 5, without a gradient: the n-step return and the discounted soft value,
+/// equation 3, of the next state.
 CriticTargets target_values(SacNetwork& network, SacNetwork& target, const torch::Tensor& alpha,
                             const Batch& batch, const SacNoise& noise, const SacConfig& config) {
     const torch::NoGradGuard no_grad;
@@ -92,19 +93,21 @@ struct Sac : ActorCriticState<SacNetwork> {
         : ActorCriticState(settings, spec),
           config(settings),
           space(spec.action_space),
-          box(exploration_box(space, settings.random_actions)) {}
+          random_box(exploration_box(space, settings.random_actions)) {}
 
-    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        const auto count = observations.size(0), axes = box.centre.size(0);
-        if (now.training && now.epsilon >= 1) return uniform_actions(box, count, now.random);  // warm-up
-        const bool draws = now.training || config.sampled_evaluation;
-        const auto noise = draws ? torch::randn({count, axes}, now.random) : torch::Tensor();
-        const auto policy = acting()->policy(acting()->encoder->trunk(observations));
+    torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
+        const auto count = observations.size(0), axes = random_box.centre.size(0);
+        if (context.training && context.epsilon >= 1)
+            return uniform_actions(random_box, count, context.random);  // warm-up
+        const bool draws = context.training || config.sampled_evaluation;
+        const auto noise = draws ? torch::randn({count, axes}, context.random) : torch::Tensor();
+        const auto policy = acting_network()->policy(acting_network()->encoder->trunk(observations));
         const auto actions = draws ? sample(policy, noise.to(observations.device()), network->box).action
                                    : mean_action(policy, network->box);
         require_finite(actions);
-        if (!now.draws_epsilon) return actions.cpu();
-        return epsilon_greedy(actions.cpu(), now.epsilon, now.training ? box : action_box(space), now.random);
+        if (!context.draws_epsilon) return actions.cpu();
+        return epsilon_greedy(actions.cpu(), context.epsilon,
+                              context.training ? random_box : action_box(space), context.random);
     }
 
     SacLosses learn(const Batch& batch, const at::Generator& random, bool with_actor = true) {
@@ -122,7 +125,7 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     SacConfig config;
     ActionSpace space;
-    ActionBox box;  // of random actions in training, on the CPU
+    ActionBox random_box;  // of random actions in training, on the CPU
 };
 
 }  // namespace

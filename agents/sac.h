@@ -71,7 +71,7 @@ SacLosses sac_update(ActorCriticState<SacNetwork>& state, const Batch& batch, co
 /// State: ActorCriticState's, training_steps, random/..., gradient_steps where the actor is delayed.
 /// Throws std::invalid_argument for settings that no network can be built from, and for discrete actions.
 std::unique_ptr<Agent> make_sac(const SacConfig& config, const AgentSpec& spec);
-/// Returns its network for such a world, on the CPU.
+/// Returns the agent's network for the world of `spec`, on the CPU. Parameters are drawn from `generator`.
 SacNetwork make_network(const SacConfig& config, const AgentSpec& spec, const at::Generator& generator);
 
 }  // namespace cale

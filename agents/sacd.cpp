@@ -30,7 +30,7 @@ torch::Tensor target_values(SacdNetwork& network, SacdNetwork& target, const tor
                             : network->log_policy(network->encoder->trunk(batch.next_observation));
     const auto q = target->critic(target->encoder->critic_branch(features)).estimate(config.twin_estimate);
     const auto soft_value = (log_pi.exp() * (config.entropy_in_target ? q - alpha * log_pi : q)).sum(1);
-    return bootstrapped(batch, soft_value, config.replay.reward_scale);
+    return n_step_target(batch, soft_value, config.replay.reward_scale);
 }
 
 }  // namespace
@@ -92,17 +92,17 @@ struct Sacd : ActorCriticState<SacdNetwork> {
           num_actions(cale::num_actions(spec.action_space)),
           target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
-    torch::Tensor act(const torch::Tensor& observations, const Acting& now) {
-        if (now.training && now.epsilon >= 1)  // warm-up
-            return torch::randint(0, num_actions, {observations.size(0)}, now.random, torch::kInt64);
-        const auto log_pi = acting()->log_policy(acting()->encoder->trunk(observations));
+    torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
+        if (context.training && context.epsilon >= 1)  // warm-up
+            return torch::randint(0, num_actions, {observations.size(0)}, context.random, torch::kInt64);
+        const auto log_pi = acting_network()->log_policy(acting_network()->encoder->trunk(observations));
         require_finite(log_pi);
         const auto actions =
-            now.training || config.sampled_evaluation
-                ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, now.random).squeeze(1)
+            context.training || config.sampled_evaluation
+                ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, context.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        if (!now.draws_epsilon) return actions;
-        return epsilon_greedy(actions, now.epsilon, num_actions, now.random);
+        if (!context.draws_epsilon) return actions;
+        return epsilon_greedy(actions, context.epsilon, num_actions, context.random);
     }
 
     SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {

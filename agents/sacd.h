@@ -72,7 +72,7 @@ SacdLosses sacd_update(ActorCriticState<SacdNetwork>& state, const Batch& batch,
 /// State: ActorCriticState's, training_steps, random/..., gradient_steps where the actor is delayed.
 /// Throws std::invalid_argument for a world whose actions are a box.
 std::unique_ptr<Agent> make_sacd(const SacdConfig& config, const AgentSpec& spec);
-/// Returns its network for such a world, on the CPU.
+/// Returns the agent's network for the world of `spec`, on the CPU. Parameters are drawn from `generator`.
 SacdNetwork make_network(const SacdConfig& config, const AgentSpec& spec, const at::Generator& generator);
 
 }  // namespace cale

@@ -36,17 +36,17 @@ struct PatchDqn {
           target(make_network(settings, spec)),  // equal to the network
           adam(network->parameters(), {.learning_rate = settings.learning_rate}) {}
 
-    torch::Tensor act(const torch::Tensor& observations, const cale::Acting& now) {
+    torch::Tensor act(const torch::Tensor& observations, const cale::ActContext& context) {
         const auto greedy = network(observations).argmax(1).cpu();
-        return cale::epsilon_greedy(greedy, now.epsilon, num_actions, now.random);
+        return cale::epsilon_greedy(greedy, context.epsilon, num_actions, context.random);
     }
 
     Losses learn(const cale::Batch& batch, const at::Generator&) {
         torch::Tensor y;
         {
             const at::NoGradGuard no_grad;
-            y = config.replay.reward_scale * batch.n_step_return +
-                batch.discount * target(batch.next_observation).amax(1);
+            y = cale::n_step_target(batch, target(batch.next_observation).amax(1),
+                                    config.replay.reward_scale);
         }
         const auto loss = at::huber_loss(cale::gather_actions(network(batch.observation), batch.action), y);
         adam.zero_grad();
