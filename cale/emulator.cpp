@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <sstream>
+#include <locale>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -92,7 +92,8 @@ std::unique_ptr<ale::ALEInterface> load(const Game& game, const std::filesystem:
     }();
     static_cast<void>(quiet);
     auto ale = std::make_unique<ale::ALEInterface>();
-    // ALE seeds -1 by the clock, so that seed shares its neighbour's draws.
+    // ALE seeds -1 by the clock, so that seed shares its neighbour's draws. Other negative seeds are asserted
+    // against, which a release build of ALE, such as scripts/setup's, leaves out.
     ale->setInt("random_seed", std::bit_cast<std::int32_t>(std::min(seed, 0xFFFFFFFEu)));
     ale->setFloat("repeat_action_probability", sticky_probability);
     ale->setInt("frame_skip", 1);
@@ -223,6 +224,7 @@ std::string Emulator::state() const {
 
 void Emulator::restore(const std::string& state) {
     std::istringstream text(state);
+    text.imbue(std::locale::classic());
     unsigned long expected = 0;
     text >> expected;
     const bool readable = text.get() == '\n';

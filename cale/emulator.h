@@ -49,7 +49,8 @@ class Emulator {
     /// two games draw in a reset, and Double Dunk's takes a varying number of frames.
     void reset();
     /// One frame, 1/60 s. `strength`, 0 to 1, scales how far a paddle moves (Pong, Breakout) and
-    /// is ignored by joysticks. Returns the reward. Does nothing once the game is over.
+    /// is ignored by joysticks. Returns the reward. Once the game is over it changes nothing but what sticky
+    /// actions draw.
     int act(Event event, float strength);
 
     /// Whether the game is played with a paddle, as ALE's properties of the ROM say.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <locale>
 #include <random>
 #include <sstream>
 #include <stdexcept>
@@ -286,7 +287,9 @@ struct Env::Impl {
         return {joystick_event(action, static_cast<float>(config.threshold), config.event_map),
                 config.paddle_strength == PaddleStrength::radius ? action.radius : 1};
     }
-    Push push_of(Event event) const { return {.event = event}; }
+    Push push_of(Event event) const {
+        return places_paddle() ? push_of(event_stick(event)) : Push{.event = event};
+    }
     Push push_of(const StickPosition& stick) const {
         const auto x = static_cast<float>(stick.x), y = static_cast<float>(stick.y);
         const auto threshold = static_cast<float>(config.threshold);
@@ -429,6 +432,7 @@ struct Env::Impl {
 
     void reset() {
         std::ostringstream generators;
+        generators.imbue(std::locale::classic());
         generators << noop_generator << '\n';
         if (draws_motion()) generators << motion_generator << '\n';
         record.start = generators.str() + emulator.state();
@@ -475,6 +479,7 @@ struct Env::Impl {
             throw std::runtime_error("a recorded game is damaged, or another configuration's");
         };
         std::istringstream text(recorded.start);
+        text.imbue(std::locale::classic());
         auto noops = noop_generator, motion = motion_generator;
         text >> noops;
         require(text.get() == '\n' && recorded.events.size() == recorded.strengths.size());

@@ -180,7 +180,8 @@ class Env {
     Env& operator=(Env&&) noexcept;
 
     /// Starts a new game. Writes its first observation, frame_size() bytes of observation_space(), to
-    /// `observation`. Throws std::invalid_argument, here and in step(), for another size.
+    /// `observation`. Throws std::invalid_argument, here and in step(), for another size, and for a variant
+    /// of the game (env.mode, env.difficulty) that is over as soon as it begins.
     void reset(std::span<std::uint8_t> observation);
 
     /// One agent step: the action for frame_skip frames, fewer if the agent's episode ends before.
@@ -194,7 +195,8 @@ class Env {
 
     /// The same for a console that does not wait for its player: `next_action` is asked before each frame;
     /// where it returns none, the action before stays, at first the joystick at rest. Its games cannot be
-    /// recorded: record() is empty. Throws as step() does, and what `next_action` throws.
+    /// recorded: record() is empty. Takes coordinates and events, whatever the action space. Throws as step()
+    /// does, and what `next_action` throws.
     StepResult step(const std::function<std::optional<FrameAction>()>& next_action,
                     std::span<std::uint8_t> observation);
 

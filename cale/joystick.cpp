@@ -87,7 +87,9 @@ ActionSpace joystick_space(Joystick joystick) {
 
 ContinuousAction stick(Joystick joystick, std::span<const float> action) {
     const auto coordinates = stick_coordinates(joystick);
-    if (action.size() != coordinates.size() || action.empty()) {
+    if (coordinates.empty())
+        throw std::invalid_argument("a factored action is a number, and has no coordinates");
+    if (action.size() != coordinates.size()) {
         throw std::invalid_argument("an action has " + std::to_string(coordinates.size()) +
                                     " coordinates, not " + std::to_string(action.size()));
     }

@@ -194,7 +194,7 @@ VectorEnv::VectorEnv(VectorEnv&&) noexcept = default;
 VectorEnv& VectorEnv::operator=(VectorEnv&&) noexcept = default;
 
 std::int64_t VectorEnv::threads(const EnvConfig& config) {
-    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : std::ssize(usable_cores());
+    const std::int64_t wanted = config.env_threads > 0 ? config.env_threads : core_count();
     return std::clamp<std::int64_t>(wanted, 1, std::max<std::int64_t>(1, config.num_envs));
 }
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "replay/control_groups.h"
+#include "cale/control_groups.h"
 
 namespace cale {
 namespace {

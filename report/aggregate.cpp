@@ -104,7 +104,7 @@ void resample(Draws draws, const std::vector<std::uint32_t>& sizes, std::vector<
 void in_parallel(std::int64_t count, int threads,
                  const std::function<void(std::int64_t, std::int64_t)>& work) {
     constexpr std::int64_t kWorthAThread = 2'000;
-    const std::int64_t wanted = threads > 0 ? threads : std::ssize(usable_cores());
+    const std::int64_t wanted = threads > 0 ? threads : core_count();
     const auto parts = std::clamp<std::int64_t>(count / kWorthAThread, 1, wanted);
     std::vector<std::jthread> workers;
     for (std::int64_t part = 1; part < parts; ++part)

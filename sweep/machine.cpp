@@ -1,15 +1,11 @@
 #include "sweep/machine.h"
 
 #include <algorithm>
-#include <cmath>
-#include <fstream>
 
 #include <fmt/format.h>
 
-#include "cale/cores.h"
 #include "cale/text.h"
 #include "replay/available_memory.h"
-#include "replay/control_groups.h"
 #include "settings/command_line.h"
 #include "settings/config.h"
 
@@ -45,23 +41,6 @@ std::string gigabytes(std::int64_t bytes) {
 
 Machine Machine::here() {
     return {.cpus = usable_cores(), .memory = available_memory(), .quota = core_quota()};
-}
-
-std::size_t core_quota(const std::filesystem::path& root) {
-    std::size_t least = 0;
-    for (const auto& [group, version_2] : control_groups(root, "cpu")) {
-        double time = 0, period = 0;  // microseconds
-        if (version_2) {
-            std::ifstream(group / "cpu.max") >> time >> period;  // "max 100000" is no limit
-        } else {
-            std::ifstream(group / "cpu.cfs_quota_us") >> time;  // -1 is none
-            std::ifstream(group / "cpu.cfs_period_us") >> period;
-        }
-        if (time <= 0 || period <= 0) continue;
-        const auto cores = static_cast<std::size_t>(std::ceil(time / period));
-        least = least == 0 ? cores : std::min(least, cores);
-    }
-    return least;
 }
 
 void check_devices(std::span<const std::string> devices) {

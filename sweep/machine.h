@@ -3,20 +3,20 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "cale/cores.h"
 #include "sweep/plan.h"
 
 namespace cale {
 
 struct Machine {
-    std::vector<int> cpus;    // that this process may use
+    std::vector<int> cpus;    // usable_cores()
     std::int64_t memory = 0;  // bytes that are left
     int gpus = 0;             // that LibTorch can use
-    std::size_t quota = 0;    // cores' worth of time that a control group grants; 0: no limit
+    std::size_t quota = 0;    // core_quota()
 
     /// The machine that this process is on; `gpus` is for the caller to fill in.
     static Machine here();
@@ -41,10 +41,6 @@ struct Slots {
     std::vector<Slot> slots;
     std::string reason;  // why that many: "2 cores, 1 thread a run"
 };
-
-/// How many cores' time the control groups of this process grant (docker --cpus), rounded up; 0 where they do
-/// not limit it. `root` is the folder that holds proc/ and sys/.
-std::size_t core_quota(const std::filesystem::path& root = "/");
 
 /// Throws ConfigError where auto, or cpu beside another one, is among the devices.
 void check_devices(std::span<const std::string> devices);

@@ -47,6 +47,7 @@ class Environments final : public World {
         }
     }
 
+    /// Throws std::invalid_argument, naming the value, for an action that the space does not have.
     void step(const Actions& actions, std::span<std::uint8_t> frames, std::span<std::uint8_t> final_frames,
               std::span<StepResult> results) override {
         require("bytes of frames", frames.size(), games_.size() * frame_size_);
@@ -117,17 +118,32 @@ class Environments final : public World {
 
     StepResult step_one(Game& game, const Actions& actions, std::size_t i) const {
         if constexpr (requires { game.step(std::int64_t{}); }) {
-            return game.step(std::get<std::span<const std::int64_t>>(actions)[i]);
+            const auto action = std::get<std::span<const std::int64_t>>(actions)[i];
+            if (action < 0 || action >= num_actions(space_))
+                throw std::invalid_argument("there is no action " + std::to_string(action) + " among the " +
+                                            std::to_string(num_actions(space_)) + " of the world");
+            return game.step(action);
         } else {
-            return game.step(
-                std::get<std::span<const float>>(actions).subspan(i * action_size_, action_size_));
+            const auto action =
+                std::get<std::span<const float>>(actions).subspan(i * action_size_, action_size_);
+            const auto& box = std::get<Box>(space_);
+            for (std::size_t axis = 0; axis < action.size(); ++axis) {
+                // Written so that NaN, which compares false to everything, is refused too.
+                if (action[axis] >= box.low[axis] && action[axis] <= box.high[axis]) continue;
+                throw std::invalid_argument("coordinate " + std::to_string(axis) + " of an action is " +
+                                            std::to_string(action[axis]) + ": it must lie in [" +
+                                            std::to_string(box.low[axis]) + ", " +
+                                            std::to_string(box.high[axis]) + "]");
+            }
+            return game.step(action);
         }
     }
 
     std::vector<Game> games_;
     // A space holds vectors: too much to make it again in every step.
+    ActionSpace space_ = Game::action_space();
+    std::size_t action_size_ = static_cast<std::size_t>(box_size(space_));
     std::size_t frame_size_ = static_cast<std::size_t>(Game::observation_space().frame_size());
-    std::size_t action_size_ = static_cast<std::size_t>(box_size(Game::action_space()));
 };
 
 }  // namespace cale

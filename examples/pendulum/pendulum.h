@@ -37,7 +37,7 @@ class Pendulum {
 
     cale::StepResult step(std::span<const float> action) {
         constexpr double kTimeStep = 0.05, kGravity = 10, kMaxSpeed = 8;
-        const double torque = std::clamp(action[0], -kMaxTorque, kMaxTorque);
+        const double torque = action[0];
         const double from_top = std::remainder(angle_, 2 * std::numbers::pi);
         const double cost = from_top * from_top + 0.1 * speed_ * speed_ + 0.001 * torque * torque;
         speed_ += (1.5 * kGravity * std::sin(angle_) + 3 * torque) * kTimeStep;

@@ -2,6 +2,7 @@
 #include <atomic>
 #include <cstdlib>
 #include <new>
+#include <span>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -65,6 +66,32 @@ TEST(EmulatorAllocation, AStepOfManyEnvironmentsTakesNoMemory) {
         std::vector<std::uint8_t> frames(3 * cale::kFrameSize), final_frames(3 * cale::kFrameSize);
         const std::vector<cale::ContinuousAction> actions(3, {.radius = 1, .theta = 1.5F, .fire = 1});
         std::vector<cale::StepResult> results(3);
+        envs.reset(frames);
+        EXPECT_EQ(allocations_of([&] { envs.step(actions, frames, final_frames, results); }), 0);
+    }
+}
+
+TEST(EmulatorAllocation, NeitherDoSticksThatMoveNorPaddlesNorWhatIsSeenLate) {
+    auto moving = cale::protocol_200m("pong");
+    moving.motion.stick_speed = 0.1;
+    moving.motion.action_latency = {.low = 0, .high = 3};
+    moving.motion.actuation_noise = 0.1;
+    auto late = cale::protocol_200m("pong");
+    late.motion.observation_latency = {.low = 2, .high = 2};
+    auto memory = cale::protocol_200m("pong");
+    memory.obs = cale::Obs::ram;
+    memory.observe_joystick = true;
+    auto paddle = cale::protocol_200m("pong");
+    paddle.paddle = cale::Paddle::absolute;
+    const std::vector<std::uint32_t> seeds{1};
+    for (auto config : {moving, late, memory, paddle}) {
+        config.num_envs = 1;
+        cale::VectorEnv envs(config, seeds);
+        const auto size = static_cast<std::size_t>(envs.observation_space().frame_size());
+        std::vector<std::uint8_t> frames(size), final_frames(size);
+        const std::vector<float> action(static_cast<std::size_t>(cale::box_size(envs.action_space())), 0.5F);
+        const cale::Actions actions = std::span<const float>(action);
+        std::vector<cale::StepResult> results(1);
         envs.reset(frames);
         EXPECT_EQ(allocations_of([&] { envs.step(actions, frames, final_frames, results); }), 0);
     }

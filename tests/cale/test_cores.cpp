@@ -1,5 +1,6 @@
 #include "cale/cores.h"
 
+#include <iterator>
 #include <thread>
 
 #include <gmock/gmock.h>
@@ -7,6 +8,7 @@
 #include <sched.h>
 
 #include "cale/vector_env.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -26,6 +28,28 @@ TEST(Cores, AreThoseThatAreLeftToTheProcess) {
         EXPECT_EQ(VectorEnv::threads(many), 1);
     }).join();
     EXPECT_EQ(usable_cores(), all);
+}
+
+TEST(Cores, AreGrantedByTheSmallestQuotaOfTheControlGroups) {
+    const test::TemporaryFolder root;
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("proc/self/cgroup", "0::/job/step\n");
+    root.write("sys/fs/cgroup/job/step/cpu.max", "max 100000\n");
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("sys/fs/cgroup/job/cpu.max", "250000 100000\n");
+    root.write("sys/fs/cgroup/cpu.max", "400000 100000\n");
+    EXPECT_EQ(core_quota(root.path()), 3u);
+    root.write("proc/self/cgroup", "3:cpuset:/x\n4:cpu,cpuacct:/of/the/host\n");
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
+    EXPECT_EQ(core_quota(root.path()), 0u);
+    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "50000\n");
+    EXPECT_EQ(core_quota(root.path()), 1u);
+}
+
+TEST(Cores, CountNoMoreThanAreUsable) {
+    EXPECT_GE(core_count(), 1);
+    EXPECT_LE(core_count(), std::ssize(usable_cores()));
 }
 
 }  // namespace

@@ -85,23 +85,6 @@ TEST(Sharing, AQuotaOfTheirTimeLimitsCores) {
     EXPECT_EQ(share(machine, {}, runs_of(100)).reason, "4 cores, 1 thread a run");
 }
 
-TEST(Machine, HasTheSmallestQuotaOfItsControlGroups) {
-    const test::TemporaryFolder root;
-    EXPECT_EQ(core_quota(root.path()), 0u);
-    root.write("proc/self/cgroup", "0::/job/step\n");
-    root.write("sys/fs/cgroup/job/step/cpu.max", "max 100000\n");
-    EXPECT_EQ(core_quota(root.path()), 0u);
-    root.write("sys/fs/cgroup/job/cpu.max", "250000 100000\n");
-    root.write("sys/fs/cgroup/cpu.max", "400000 100000\n");
-    EXPECT_EQ(core_quota(root.path()), 3u);
-    root.write("proc/self/cgroup", "3:cpuset:/x\n4:cpu,cpuacct:/of/the/host\n");
-    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
-    root.write("sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
-    EXPECT_EQ(core_quota(root.path()), 0u);
-    root.write("sys/fs/cgroup/cpu/cpu.cfs_quota_us", "50000\n");
-    EXPECT_EQ(core_quota(root.path()), 1u);
-}
-
 TEST(Sharing, RefusesWhatIsNoDevice) {
     for (const std::string device : {"gpu", "cuda:", "cuda:x", ""})
         EXPECT_THAT(

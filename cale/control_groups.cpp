@@ -1,4 +1,4 @@
-#include "replay/control_groups.h"
+#include "cale/control_groups.h"
 
 #include <algorithm>
 #include <fstream>
