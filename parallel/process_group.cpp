@@ -116,7 +116,8 @@ struct ProcessGroup::Impl {
             const auto store = rendezvous_store(process);
             host = c10::make_intrusive<c10d::ProcessGroupGloo>(
                 c10::make_intrusive<c10d::PrefixStore>("gloo", store), process.rank, process.size,
-                c10d::ProcessGroupGloo::Options::create_default(timeout));
+                c10d::ProcessGroupGloo::Options::create_default(kStartTimeout));
+            host->setTimeout(timeout);
             if (!device.is_cpu())
                 on_device = device_backend(store, process.rank, process.size, device, timeout);
         } catch (const std::invalid_argument&) {

@@ -13,8 +13,8 @@ constexpr std::array<std::string_view, 2> kFalseTrue{"false", "true"};
 }  // namespace
 
 std::string ReplayConfigEntry::text(double number) const {
-    const auto i = static_cast<std::size_t>(number);
-    if (number >= 0 && number < static_cast<double>(names.size())) return std::string(names[i]);
+    if (number >= 0 && number < static_cast<double>(names.size()))
+        return std::string(names[static_cast<std::size_t>(number)]);
     std::ostringstream out;
     out.precision(15);
     out << number;

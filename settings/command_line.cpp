@@ -67,9 +67,9 @@ void check_device(const std::string& device) {
 
 void check_threads(const std::string& threads) {
     const auto number = number_in<std::uint64_t>(threads);
-    if (threads != "auto" && !(number && *number >= 1 && *number <= 4096)) {
+    if (threads != "auto" && !(number && *number >= 1 && *number <= kMostThreads)) {
         throw ConfigError(
-            fmt::format("--threads must be auto or a number from 1 to 4096, not '{}'", threads));
+            fmt::format("--threads must be auto or a number from 1 to {}, not '{}'", kMostThreads, threads));
     }
 }
 

@@ -17,6 +17,9 @@
 
 namespace cale {
 
+/// The largest --threads.
+inline constexpr int kMostThreads = 4096;
+
 /// An option of the training programs as --help shows it. Those with a `key` are another way to set that key.
 struct TrainOption {
     std::string_view name;

@@ -73,8 +73,8 @@ void fields(EvalConfig& config, Visit&& visit) {
           "agent steps between evaluations; 0: only at the end of the run");
     visit("episodes", config.episodes, Range{0, 10'000}, "games per evaluation; 0: no evaluation");
     visit("noop_max", config.noop_max, Range{0, 1000},
-          "an evaluated game starts with 0 to this many no-op agent steps");
-    visit("video", config.video, "film the first game of an evaluation, up to five minutes of it");
+          "an evaluated Atari game starts with 0 to this many no-op agent steps");
+    visit("video", config.video, "film the first Atari game of an evaluation, up to five minutes of it");
 }
 
 /// Section log.

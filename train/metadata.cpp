@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cale/emulator.h"
+#include "settings/command_line.h"
 #include "settings/versions.h"
 #include "storage/files.h"
 
@@ -66,7 +67,9 @@ std::optional<std::string_view> wrong_key(const nlohmann::json& json) {
         return found == json.end() || condition(*found);
     };
     const auto is_list = [](const auto& value) { return value.is_array(); };
-    if (!is("threads", [](const auto& value) { return value.is_number_unsigned() && value > 0; }))
+    if (!is("threads", [](const auto& value) {
+            return value.is_number_unsigned() && value > 0 && value <= kMostThreads;
+        }))
         return "threads";
     if (!is("wall_seconds", [](const auto& value) { return value.is_number() && value >= 0; }))
         return "wall_seconds";
@@ -152,6 +155,14 @@ void Metadata::resume(const Session& session, double trained_seconds) {
 
 void Metadata::add_change(const std::string& changes) {
     contents_->json["accepted_changes"].push_back(fmt::format("{}: {}", utc_now(), changes));
+}
+
+std::string Metadata::newest_change() const {
+    const auto changes = contents_->json.value("accepted_changes", nlohmann::json::array());
+    if (changes.empty() || !changes.back().is_string()) return "";
+    const auto entry = changes.back().get<std::string>();
+    const auto time = entry.find(": ");
+    return time == std::string::npos ? "" : entry.substr(time + 2);
 }
 
 void Metadata::set_schedule_over_run(const std::string& key) {

@@ -62,6 +62,8 @@ class Metadata {
     /// Whether this process's session is part of them: of a run that is resumed, once it has begun.
     bool has_begun() const { return has_begun_; }
     void add_change(const std::string& changes);
+    /// The newest of these; empty where there is none.
+    std::string newest_change() const;
     /// The key of the setting by which a schedule lasts for the whole run; empty: there is none.
     void set_schedule_over_run(const std::string& key);
     void finish();

@@ -28,6 +28,7 @@
 #include "settings/shell_text.h"
 #include "storage/append_file.h"
 #include "storage/files.h"
+#include "storage/manifest.h"
 #include "storage/metadata_text.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
@@ -53,7 +54,7 @@ constexpr auto kLongestEvaluation = std::chrono::hours(6);
 
 /// Returns what `make` returns. What it throws as std::invalid_argument becomes a ConfigError.
 template <class Make>
-auto checked(const Make& make) {
+auto invalid_argument_as_config_error(const Make& make) {
     try {
         return make();
     } catch (const std::invalid_argument& error) {
@@ -68,7 +69,7 @@ ProcessGroup join_processes(const std::optional<ProcessRank>& process, const Tra
     if (process->rank == 0)
         std::fprintf(stderr, "%s: waiting for the other %d of %d processes at %s:%d\n", program.name.c_str(),
                      process->size - 1, process->size, process->master_address.c_str(), process->master_port);
-    return checked([&] {
+    return invalid_argument_as_config_error([&] {
         ProcessGroup processes(*process, device, kLongestEvaluation);
         processes.require_same(program.table.to_yaml(),
                                fmt::format("process {} of {}: the processes of this run were started with "
@@ -80,7 +81,7 @@ ProcessGroup join_processes(const std::optional<ProcessRank>& process, const Tra
 
 /// Where WORLD_SIZE and its companions put this process; none: it is alone.
 std::optional<ProcessRank> find_rank(const TrainingProgram& program, const TrainingWorld& world) {
-    auto process = checked(rank_from_environment);
+    auto process = invalid_argument_as_config_error(rank_from_environment);
     if (!process) return process;
     if (!program.several_processes) {
         throw ConfigError(
@@ -128,7 +129,7 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     if (program.spec().observation.shape.size() < 2) return 1;
     // OMP_NUM_THREADS is the user's word, but with several processes torchrun's.
     const int most = processes_here > 1 ? std::numeric_limits<int>::max() : at::get_num_threads();
-    const int all = std::min(static_cast<int>(usable_cores().size()), most);
+    const int all = std::min(static_cast<int>(core_count()), most);
     const int cores = std::max(1, all / processes_here);
     const auto env_threads = static_cast<int>(world.threads);
     // Environments that step during an update keep their cores. An agent that learns beside many steps leaves
@@ -137,12 +138,12 @@ int choose_threads(const CommandLine& line, const TrainingProgram& program, cons
     return measured_threads(steps_wait && !program.learns_beside ? std::max(1, cores - env_threads) : cores);
 }
 
-/// The first process's number in all of them: the run's record has one, and sums on another number of
-/// threads round differently.
-int threads_of_all(int threads, const ProcessGroup& processes) {
-    auto of_the_first = torch::tensor(processes.first() ? std::int64_t{threads} : 0, torch::kInt64);
-    processes.sum({of_the_first});
-    return of_the_first.item<int>();
+/// Returns the first process's number in all of them: the run's record has one, and sums on another number
+/// of threads round differently.
+int broadcast_threads(int threads, const ProcessGroup& processes) {
+    auto number = torch::tensor(processes.first() ? std::int64_t{threads} : 0, torch::kInt64);
+    processes.sum({number});  // the others add 0
+    return number.item<int>();
 }
 
 /// 1234567 as "1,234,567".
@@ -241,9 +242,13 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
     const auto checkpoints = list_checkpoints(run_dir);
     for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
         try {
+            // As it was written: what is lost from its end would be compared as defaults.
+            verify(*folder, {{"config.yaml", read_manifest(*folder).at("config.yaml")}});
             return program.table.differences(*folder / "config.yaml");
-        } catch (const ConfigError&) {
-            // Damaged, as the manifest will tell: then the one before is resumed from.
+        } catch (const std::system_error&) {
+            throw;  // it cannot be read now
+        } catch (const std::exception&) {
+            // Damaged: the one before is resumed from.
         }
     }
     return program.table.differences(run_dir / "config.yaml");
@@ -273,6 +278,17 @@ void require_whole_config(const fs::path& file, const fs::path& copy) {
         throw ResumeError(fmt::format("--resume: {}", lack));
 }
 
+/// Returns the metadata of a run that is to be resumed. Throws ResumeError if they are damaged.
+std::optional<Metadata> read_metadata(const fs::path& run_dir) {
+    try {
+        return Metadata::read(run_dir);
+    } catch (const std::system_error&) {
+        throw;  // it cannot be read now
+    } catch (const std::exception& error) {
+        throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
+    }
+}
+
 /// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
 /// and do not make other games of those under way.
 std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir,
@@ -292,7 +308,12 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
         if (key.starts_with("env.")) of_the_games += (of_the_games.empty() ? "" : ", ") + change;
         if (key == "train.seed") of_the_seed = change;
     }
-    if (!different.empty() && !line.accept_changes) {
+    // Accepted once is enough, also where the run was killed before a checkpoint had it.
+    const auto accepted = [&] {
+        const auto metadata = read_metadata(run_dir);
+        return metadata && metadata->newest_change() == different;
+    };
+    if (!different.empty() && !line.accept_changes && !accepted()) {
         throw ResumeError(fmt::format(
             "--resume {}: another configuration: {}; resume with the run's own (leave --config and --set "
             "out, and its config.yaml as it was){} or start a new run",
@@ -313,17 +334,6 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
     }
     check_length(program, run_dir);
     return different;
-}
-
-/// Returns the metadata of a run that is to be resumed. Throws ResumeError if they are damaged.
-std::optional<Metadata> read_metadata(const fs::path& run_dir) {
-    try {
-        return Metadata::read(run_dir);
-    } catch (const std::system_error&) {
-        throw;  // it cannot be read now
-    } catch (const std::exception& error) {
-        throw ResumeError(fmt::format("--resume {}: {}", run_dir.string(), error.what()));
-    }
 }
 
 /// Calls train() and records its end in metadata.json. Says how to resume a run that the machine stopped.
@@ -374,9 +384,9 @@ ExitCode train_for_exit_code(Agent& agent, const TrainingWorld& world, const Run
     }
 }
 
-/// Returns what `make` returns. What keeps it from that is an error of the settings, but for lack of memory.
+/// Returns what `make` returns. What it throws becomes a ConfigError, except for a lack of memory.
 template <class Make>
-auto made(const Make& make) {
+auto all_but_memory_as_config_error(const Make& make) {
     try {
         return make();
     } catch (const std::exception& error) {
@@ -389,7 +399,7 @@ auto made(const Make& make) {
 /// said before anything is written.
 std::unique_ptr<World> make_one(const TrainingWorld& world) {
     const std::vector<std::uint32_t> seeds(std::max<std::size_t>(1, world.games.size()), 0);
-    return made([&] { return world.make(seeds); });
+    return all_but_memory_as_config_error([&] { return world.make(seeds); });
 }
 
 void check_late_updates(const TrainingProgram& program) {
@@ -409,8 +419,9 @@ void check_precision(const AgentSpec& spec) {
 }
 
 /// Before anything large is made: its initial values alone can take minutes.
-void check_memory(const TrainingProgram& program, const TrainingWorld& world, const AgentSpec& spec) {
-    const auto available = available_memory();
+void check_memory(const TrainingProgram& program, const TrainingWorld& world, const AgentSpec& spec,
+                  int processes_here) {
+    const auto available = available_memory() / processes_here;
     const auto environments = world.bytes_per_env * spec.num_envs;
     if (environments > available)
         refuse_memory(fmt::format("{} environments", spec.num_envs), environments, available,
@@ -456,7 +467,7 @@ void apply_real_time(const TrainingProgram& program, TrainingWorld& world) {
 }
 
 TrainingWorld make_world(const TrainingProgram& program) {
-    return made([&] {
+    return all_but_memory_as_config_error([&] {
         auto world = program.world();
         apply_real_time(program, world);
         return world;
@@ -465,7 +476,7 @@ TrainingWorld make_world(const TrainingProgram& program) {
 
 /// What the agent is made for. Throws ConfigError if it cannot be had here.
 AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& world,
-                       const ProcessGroup& processes, torch::Device device) {
+                       const ProcessGroup& processes, torch::Device device, int processes_here) {
     AgentSpec spec = program.spec();
     spec.num_envs /= processes.size();
     spec.processes = &processes;
@@ -477,7 +488,7 @@ AgentSpec checked_spec(const TrainingProgram& program, const TrainingWorld& worl
     spec.device = device;
     check_late_updates(program);
     check_precision(spec);
-    check_memory(program, world, spec);
+    check_memory(program, world, spec, processes_here);
     return spec;
 }
 
@@ -537,6 +548,7 @@ TrainOptions train_options(const TrainingProgram& program, const CommandLine& li
     options.until = line.until;
     options.changed = !changes.empty();
     options.finished = finished;
+    options.evaluates_otherwise = line.resume && evaluates_otherwise(program, run_dir);
     options.config = program.table.to_yaml();
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
@@ -571,11 +583,12 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
     if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
-    const bool finished = resumed && resumed->finished() && !evaluates_otherwise(program, run_dir);
-    const int threads = threads_of_all(
-        choose_threads(line, program, world, resumed, run_dir, process ? process->local_size : 1), processes);
+    const bool finished = resumed && resumed->finished();
+    const int processes_here = process ? process->local_size : 1;
+    const int threads =
+        broadcast_threads(choose_threads(line, program, world, resumed, run_dir, processes_here), processes);
     at::set_num_threads(threads);
-    const AgentSpec spec = checked_spec(program, world, processes, device);
+    const AgentSpec spec = checked_spec(program, world, processes, device, processes_here);
 
     std::optional<NewFolder> folder;  // the other processes of a run write nothing
     if (!line.resume && processes.first()) {
@@ -591,7 +604,8 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
                 fmt::format("{}, {}{}", device.str(), counted(threads, "thread"),
                             processes.single() ? "" : fmt::format(", {} processes", processes.size()))));
     }
-    const std::unique_ptr<Agent> agent = checked([&] { return program.make_agent(spec); });
+    const std::unique_ptr<Agent> agent =
+        invalid_argument_as_config_error([&] { return program.make_agent(spec); });
     const Session session{.command = shell_text(std::vector<std::string>(argv, argv + argc)),
                           .device = device.str(),
                           .threads = threads,

@@ -241,17 +241,24 @@ bool Recorder::last_evaluation_due() const {
     return eval.episodes > 0 && passed(state_.step - world_.num_envs, state_.step, eval.every);
 }
 
-/// Whether this run was resumed at its end, with nothing left to play.
+/// Whether the evaluation at this step was played, in this session or, as it would be now, in one before. A
+/// run that was killed behind its last evaluation's checkpoint does not play that again, nor does one that
+/// had ended.
 bool Recorder::has_its_last_evaluation() const {
-    return options_.finished && resumed_->state.step == state_.step &&
-           fs::exists(evaluation_file(options_.run_dir, state_.step));
+    const auto played = [this] {
+        if (evaluated_step_ == state_.step) return true;
+        if (resumed_ == nullptr || resumed_->state.step != state_.step || options_.evaluates_otherwise)
+            return false;
+        return (options_.finished || (state_.score && state_.score->evaluated)) &&
+               fs::exists(evaluation_file(options_.run_dir, state_.step));
+    };
+    // The first process's word counts: it has the files.
+    return options_.processes.single() ? played() : options_.processes.any(files_ && played());
 }
 
 Outcome Recorder::finish() {
     const bool complete = state_.step >= settings_.train.total_steps;
-    // A run that was killed behind the checkpoint of its last evaluation does not play that again, nor does
-    // one that had ended.
-    const bool evaluated = (state_.score && state_.score->evaluated) || has_its_last_evaluation();
+    const bool evaluated = has_its_last_evaluation();
     if (written_step_ != state_.step) {
         if (complete) {
             write_scheduled_checkpoint();
@@ -333,9 +340,10 @@ void Recorder::write_row(bool to_tensorboard) {
     if (const auto share = dormant_share(agent_, derive_seed(seed, "dormant units at", state_.step)))
         metrics["charts/dormant_units"] = *share;
     files_->shown.clear();
-    for (const auto* tag : {"losses/alpha", "charts/epsilon"}) {
+    for (const auto& [tag, name] :
+         {std::pair{"losses/alpha", "alpha"}, std::pair{"charts/epsilon", "epsilon"}}) {
         const auto found = metrics.find(tag);
-        if (found != metrics.end()) files_->shown.emplace_back(fs::path(tag).filename(), found->second);
+        if (found != metrics.end()) files_->shown.emplace_back(name, found->second);
     }
     if (const auto recent = mean(state_.recent_returns)) metrics["charts/avg_episodic_return"] = *recent;
     files_->progress.write({.global_step = state_.step,
@@ -445,6 +453,7 @@ bool Recorder::run_evaluation() {
             return false;
         }
     }
+    evaluated_step_ = state_.step;
     if (eval.every > 0) state_.score = {.evaluated = true, .mean_return = result.mean_return};
     if (!files_) return true;
     const fs::path csv = evaluation_file(options_.run_dir, state_.step);

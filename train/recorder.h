@@ -70,9 +70,10 @@ class Recorder {
     const RunSettings& settings_;
     const TrainOptions& options_;
     const Checkpoint* resumed_;
-    std::unique_ptr<Files> files_;     // of the first process
-    std::int64_t written_step_ = -1;   // of the newest checkpoint of this session
-    std::int64_t uncounted_rows_ = 0;  // at the end of the table, which checkpoints do not count
+    std::unique_ptr<Files> files_;      // of the first process
+    std::int64_t written_step_ = -1;    // of the newest checkpoint of this session
+    std::int64_t evaluated_step_ = -1;  // of its newest evaluation
+    std::int64_t uncounted_rows_ = 0;   // at the end of the table, which checkpoints do not count
     bool stop_ = false;
 };
 

@@ -26,6 +26,7 @@ struct TrainOptions {
     std::int64_t until = 0;                   // agent step at which to pause; 0: none
     bool changed = false;                     // with resume: settings differ from the checkpoint's
     bool finished = false;                    // with resume: its last session had finished
+    bool evaluates_otherwise = false;         // with resume: eval.* differ from the checkpoint's
     bool progress_bar = true;                 // a line on the terminal that is kept up to date
     bool learns_beside = false;               // see TrainingProgram
     ProcessGroup processes{};                 // that train together; the first one writes the files

@@ -301,7 +301,8 @@ TEST(ProgramEmulator, MetadataThatAreDamagedAreNamedAndLeftAlone) {
     for (const std::string& damaged :
          {good.substr(0, good.size() / 2), std::string("[]"), std::string(),
           std::string(R"({"threads": "2"})"), std::string(R"({"threads": 0})"),
-          std::string(R"({"wall_seconds": -1})"), std::string(R"({"resumed": {"at": 1}})")}) {
+          std::string(R"({"threads": 4294967297})"), std::string(R"({"wall_seconds": -1})"),
+          std::string(R"({"resumed": {"at": 1}})")}) {
         write_file_atomically(file, damaged);
         for (const auto& more : std::vector<std::vector<std::string>>{{}, {"--threads", "1"}}) {
             const auto answer = resume(more);
@@ -645,6 +646,23 @@ TEST(ProgramEmulator, SaysThatARunContinuesOnAnotherDevice) {
     EXPECT_THAT(stayed.stderr_text, testing::Not(testing::HasSubstr("continues on")));
 }
 
+TEST(ProgramEmulator, ACheckpointWhoseConfigurationIsDamagedIsPassedOver) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"train.checkpoint_every=6"})).code, 0);
+    const auto file = folder.path() / "checkpoints/step_000000012/config.yaml";
+    const auto whole = read_file(file);
+    const auto agent = whole.find("\nagent:\n");
+    ASSERT_NE(agent, whole.npos);
+    for (const auto& damaged : {whole.substr(0, agent + 1), std::string()}) {
+        write_file_atomically(file, damaged);
+        const TemporaryFolder copy;
+        std::filesystem::copy(folder.path(), copy.path(), std::filesystem::copy_options::recursive);
+        const auto resumed = train_sac(resuming(copy.path(), 20, {}));
+        EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
+        EXPECT_THAT(resumed.stderr_text, testing::HasSubstr("Resumed at agent step 6"));
+    }
+}
+
 TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path())).code, 0);
@@ -814,6 +832,26 @@ TEST(ProgramEmulator, SettingsThatWereEditedInTheRunsFolderAreAnotherConfigurati
     EXPECT_EQ(resume().code, 0) << "accepted once is enough";
 }
 
+TEST(ProgramEmulator, AChangeIsAcceptedOnceAlsoWhereNoCheckpointHasIt) {
+    const TemporaryFolder folder;
+    const TemporaryFolder before;
+    ASSERT_EQ(train_sac(small(folder.path())).code, 0);
+    const auto checkpoints = folder.path() / "checkpoints";
+    std::filesystem::copy(checkpoints, before.path() / "checkpoints",
+                          std::filesystem::copy_options::recursive);
+    ASSERT_EQ(train_sac(resuming(folder.path(), 12, {"--accept-changes", "agent.learning_rate=0.5"})).code,
+              0);
+    // As if it had been killed before it wrote a checkpoint.
+    std::filesystem::remove_all(checkpoints);
+    std::filesystem::copy(before.path() / "checkpoints", checkpoints,
+                          std::filesystem::copy_options::recursive);
+    EXPECT_EQ(train_sac(resuming(folder.path(), 20, {"agent.learning_rate=0.25"})).code, 3);
+    const auto resumed = train_sac(resuming(folder.path(), 20, {}));
+    EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
+    EXPECT_THAT(read_file(checkpoints / "step_000000020/config.yaml"),
+                testing::HasSubstr("learning_rate: 0.5"));
+}
+
 TEST(ProgramEmulator, AFinishedRunIsNotEvaluatedAgain) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(),
@@ -832,6 +870,27 @@ TEST(ProgramEmulator, AFinishedRunIsNotEvaluatedAgain) {
     EXPECT_EQ(read_file(table), played) << "what is missing is played";
     EXPECT_EQ(train_sac(resuming(folder.path(), 12, {"eval.episodes=2"})).code, 0);
     EXPECT_NE(read_file(table), played) << "and what is asked for anew";
+}
+
+TEST(ProgramEmulator, ALastEvaluationThatWasDueIsNotPlayedAgainEither) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train_sac(small(folder.path(), {"eval.episodes=1", "eval.every=6", "eval.video=false",
+                                              "env.max_frames_per_episode=60"}))
+                  .code,
+              0);
+    const auto table = folder.path() / "eval/step_000000012.csv";
+    write_file_atomically(table, "kept");
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {})).code, 0);
+    EXPECT_EQ(read_file(table), "kept");
+    std::filesystem::remove(table);
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {})).code, 0);
+    const auto lines = [&] {
+        const auto text = read_file(table);
+        return std::count(text.begin(), text.end(), '\n');
+    };
+    const auto with_one_game = lines();
+    EXPECT_EQ(train_sac(resuming(folder.path(), 12, {"eval.episodes=3"})).code, 0);
+    EXPECT_EQ(lines(), with_one_game + 2) << "what is asked for anew is played";
 }
 
 TEST(ProgramEmulator, ACheckpointThatCannotBeReadNowIsNoReasonToGiveTheRunUp) {
@@ -1036,6 +1095,12 @@ TEST(CaleProgram, DrawsNothingFromActionValues) {
                                    "are no distribution, and no noise: it plays greedily\n"));
     EXPECT_THAT(read_file(folder.path() / "e" / "evaluation.json"),
                 testing::HasSubstr("\"choice\": \"greedy\""));
+    const auto film = cale_says(
+        "play --policy run/checkpoints/step_000000012/policy.safetensors --sampled "
+        "--no-window --video f.mp4 --set env.max_frames_per_episode=40",
+        folder.path());
+    EXPECT_EQ(film.code, 0) << film.text;
+    EXPECT_THAT(film.text, testing::HasSubstr("cale play: --sampled: this policy has action values"));
     EXPECT_EQ(cale_says("play run/config.yaml", folder.path()).text,
               "cale play: run/config.yaml is no game; a policy is given by --policy run/config.yaml\n");
 }
