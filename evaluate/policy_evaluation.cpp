@@ -83,6 +83,10 @@ std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env) {
         asked, env.terminal_on_life_loss, env.terminal_on_life_loss ? "clears" : "does not clear");
 }
 
+bool can_sample(const Policy& policy) {
+    return policy.info().evaluation_samples || !policy.gives_action_values();
+}
+
 Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
     if (!sampled) {
         return [policy](const torch::Tensor& observations, std::span<const std::int64_t>) {

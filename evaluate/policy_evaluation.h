@@ -19,6 +19,12 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env);
 /// ends the game. Returns a sentence for the user if this changed `env`, else "".
 std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env);
 
+/// Returns whether sampled actions of the policy may be others than its greedy ones.
+bool can_sample(const Policy& policy);
+/// What to say to a user who asks for sampled actions of one of which they may not.
+inline constexpr const char* kDrawsNothing =
+    "--sampled: this policy has action values, which are no distribution, and no noise: it plays greedily";
+
 /// Returns the policy's choices: greedy, or with `sampled` drawn from it, each game with its own generator
 /// seeded by `seed` and the game's number. The choice for a game does not depend on the other games: greedy
 /// actions are always computed eight rows at a time, because the sums of another batch size may round

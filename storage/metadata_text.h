@@ -10,4 +10,8 @@ namespace cale {
 /// damaged. Throws std::system_error where it cannot be read.
 std::string metadata_text(const std::filesystem::path& run_dir, const char* key);
 
+/// Returns whether metadata.json says that the run's newest session did not come to the run's end. Throws as
+/// metadata_text() does.
+bool metadata_say_unfinished(const std::filesystem::path& run_dir);
+
 }  // namespace cale

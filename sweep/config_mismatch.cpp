@@ -67,7 +67,8 @@ std::string changes(const PlannedRun& planned, const Trained& trained) {
 }  // namespace
 
 std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
-    // In this order: a run that another process begins meanwhile has a checkpoint before it has results.
+    // In this order: a run that another process begins meanwhile has a checkpoint when it has results, or
+    // anything else that is strange without one.
     bool has_results = false;
     try {
         has_results = has_begun(folder);
@@ -77,9 +78,10 @@ std::string config_mismatch(const PlannedRun& planned, const fs::path& folder) {
     } catch (const std::exception& error) {
         return fmt::format("its folder cannot be read: {}", error.what());
     }
+    const auto strange = strange_file(folder);
     const auto checkpoints = list_checkpoints(folder);
     const auto step = checkpoints.empty() ? std::nullopt : step_in(checkpoints.back());
-    if (const auto strange = step ? "" : strange_file(folder); !strange.empty())
+    if (!step && !strange.empty())
         return fmt::format(
             "its folder has no checkpoint and holds '{}', which starting the run would delete; "
             "move that away, or give the sweep another --dir",

@@ -58,6 +58,7 @@ struct Job {
     RunStatus status{};
     int failures = 0;             // in a row, without a newer checkpoint
     std::int64_t started_at = 0;  // agent step of the checkpoint that it was resumed from
+    std::int64_t log_begin = 0;   // where its program began to write into output.log, in bytes
     Clock::time_point started{}, not_before{};
     pid_t process = 0;
     bool waits = false;     // for another process
@@ -164,6 +165,7 @@ class LocalRunner {
         const auto slot = free_slots_.back();
         const RunPlace place{
             .folder = job.folder, .threads = options_.threads, .device = slots_[slot].device};
+        job.log_begin = log_size(job.folder);
         job.process = start_child(command_of(planned, place, checkpoint.has_value()),
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();
@@ -220,7 +222,7 @@ class LocalRunner {
             return say(end_of(*job.planned), job, text);
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
-        const auto last_line = last_log_line(job.folder);
+        const auto last_line = last_log_line(job.folder, job.log_begin);
         const bool hopeless =
             end.exit_code == kUsage || end.exit_code == kCannotResume || end.exit_code == kDiverged;
         if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <span>
 #include <utility>
 
 #include <fmt/format.h>
@@ -29,6 +30,8 @@ namespace {
 constexpr std::int64_t kMemoryOfProcess = 900'000'000;
 /// Configurations that a program is asked about in one command line, which the system limits to 128 kB.
 constexpr std::size_t kGroupsAtOnce = 50;
+// Of the one argument that a shell takes, 128 KiB, less than half: a command has values and groups.
+constexpr std::size_t kBytesAtOnce = 50'000;
 /// Games and seeds in such a command line.
 constexpr std::size_t kValuesAtOnce = 2'000;
 /// A stored transition's frame, and its action, reward and bookkeeping.
@@ -70,10 +73,10 @@ std::string objection(const Sweep& sweep, const std::string& run, const std::str
     constexpr std::string_view option = ": --set ";
     const auto at = sentence.find(option);
     if (at == sentence.npos) return fmt::format("{}: {}: {}", sweep.name, run, sentence);
-    const auto told = std::string_view(sentence).substr(at + option.size());
+    const auto said = std::string_view(sentence).substr(at + option.size());
     for (const auto& [setting, place] : sweep.places) {
-        if (told.starts_with(setting + ": "))
-            return fmt::format("{}: {}{}", place, sentence.substr(0, at), told.substr(setting.size()));
+        if (said.starts_with(setting + ": "))
+            return fmt::format("{}: {}{}", place, sentence.substr(0, at), said.substr(setting.size()));
     }
     return fmt::format("{}: {}", sweep.name, sentence);
 }
@@ -123,16 +126,29 @@ void print_configs(const Sweep& sweep, std::vector<std::string> command, std::sp
         groups[i].settings = std::make_shared<SettingTexts>(settings_in(printed[i]));
 }
 
-/// Returns the bounds of [0, size) cut into parts of at most `most`; at least one part, which may be empty.
-std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> parts_of(std::size_t size, std::size_t most) {
+/// Returns the bounds of [0, bytes.size()) cut into parts of at most `most`, and of kBytesAtOnce where each
+/// takes so many bytes; at least one part, which may be empty.
+std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> parts_of(std::span<const std::size_t> bytes,
+                                                                std::size_t most) {
     std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> parts;
     std::size_t from = 0;
     do {
-        const auto to = std::min(from + most, size);
+        auto to = from;
+        for (std::size_t sum = 0; to < bytes.size() && to - from < most; ++to) {
+            sum += bytes[to];
+            if (to > from && sum > kBytesAtOnce) break;
+        }
         parts.emplace_back(from, to);
         from = to;
-    } while (from < size);
+    } while (from < bytes.size());
     return parts;
+}
+
+/// What they take in a command, with the quotes and the blank of each.
+std::size_t bytes_of(std::span<const std::string> assignments) {
+    std::size_t bytes = 0;
+    for (const auto& text : assignments) bytes += text.size() + 3;
+    return bytes;
 }
 
 /// A program and the configuration file that it reads, if any.
@@ -218,10 +234,15 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         // Many games and seeds are checked in one go: a program reads its arguments in order. The length of a
         // command is limited, so all groups are checked with the first of them, and one group with the rest.
         const std::vector<std::string> values(runs.games_and_seeds.begin(), runs.games_and_seeds.end());
-        for (const auto& [from, to] : parts_of(values.size(), kValuesAtOnce)) {
+        std::vector<std::size_t> value_bytes, group_bytes;
+        for (const auto& value : values) value_bytes.push_back(bytes_of({&value, 1}));
+        for (const auto& group : runs.groups)
+            group_bytes.push_back(bytes_of(group.assignments) + bytes_of(group.one_of_them));
+        for (const auto& [from, to] : parts_of(value_bytes, kValuesAtOnce)) {
             auto command = base;
             command.insert(command.end(), values.begin() + from, values.begin() + to);
-            for (const auto& [first, last] : parts_of(from == 0 ? runs.groups.size() : 1, kGroupsAtOnce))
+            const std::span groups(group_bytes);
+            for (const auto& [first, last] : parts_of(from == 0 ? groups : groups.first(1), kGroupsAtOnce))
                 print_configs(sweep, command, {runs.groups.begin() + first, runs.groups.begin() + last});
         }
     }

@@ -15,6 +15,7 @@
 
 #include "cale/text.h"
 #include "storage/files.h"
+#include "storage/metadata_text.h"
 #include "storage/run_lock.h"
 #include "storage/step_name.h"
 #include "sweep/child.h"
@@ -83,8 +84,11 @@ std::span<const std::string_view> names_of(RunPhase) {
 
 bool is_finished(const fs::path& folder, const RunEnd& end) {
     const auto checkpoint = newest_checkpoint(folder);
-    return checkpoint && *checkpoint >= end.total_steps &&
-           (!end.evaluates || newest_step(folder / "eval", ".csv").value_or(0) >= end.total_steps);
+    if (!checkpoint || *checkpoint < end.total_steps) return false;
+    if (!end.evaluates) return true;
+    // Behind the evaluation's table the checkpoint is written once more, with its score, and the metadata.
+    return newest_step(folder / "eval", ".csv").value_or(0) >= end.total_steps &&
+           !metadata_say_unfinished(folder);
 }
 
 RunStatus status_of(const fs::path& folder, const RunEnd& end) {
@@ -129,6 +133,8 @@ std::string strange_file(const fs::path& folder) {
 
 void prepare_for_start(const fs::path& folder) {
     fs::create_directories(folder);
+    // First, as a run writes it second: alone it would be strange to the next that looks.
+    fs::remove(folder / "config.yaml");
     for (const auto& item : fs::directory_iterator(folder)) {
         const auto name = item.path().filename();
         if (name != kClaim && name != kLock && name != kOutput) fs::remove_all(item.path());
@@ -147,8 +153,15 @@ fs::path output_file(const fs::path& folder) {
     return folder / kOutput;
 }
 
-std::string last_log_line(const fs::path& folder) {
-    const auto text = without_line_end(tail(output_file(folder), 4096));
+std::int64_t log_size(const fs::path& folder) {
+    std::error_code missing;
+    const auto size = fs::file_size(output_file(folder), missing);
+    return missing ? 0 : static_cast<std::int64_t>(size);
+}
+
+std::string last_log_line(const fs::path& folder, std::int64_t from) {
+    const auto written = std::max<std::int64_t>(0, log_size(folder) - from);
+    const auto text = without_line_end(tail(output_file(folder), std::min<std::int64_t>(4096, written)));
     return text.substr(text.rfind('\n') + 1);
 }
 

@@ -31,7 +31,7 @@ struct RunStatus {
 };
 
 /// Returns whether the run is finished: its newest checkpoint has all steps and, where it evaluates, that
-/// evaluation is written.
+/// evaluation is written, and its metadata.json does not say that it came to no end.
 bool is_finished(const std::filesystem::path& folder, const RunEnd& end);
 
 /// The status of the run in `folder`, which need not exist, whatever its settings.
@@ -52,8 +52,11 @@ void forget_failure(const std::filesystem::path& folder);
 /// Where the run's terminal output goes: output.log.
 std::filesystem::path output_file(const std::filesystem::path& folder);
 
-/// The last line that the run wrote to its terminal; empty where there is none.
-std::string last_log_line(const std::filesystem::path& folder);
+/// How many bytes have gone there; 0 where it is not there.
+std::int64_t log_size(const std::filesystem::path& folder);
+
+/// The last line that the run wrote to its terminal behind the first `from` bytes; empty where there is none.
+std::string last_log_line(const std::filesystem::path& folder, std::int64_t from = 0);
 
 /// A lock on starting the run of a folder. A process that inherits the descriptor holds the lock for as long
 /// as it lives, even if the process that took it ends; the operating system then releases it. No effect on

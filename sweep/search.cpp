@@ -12,6 +12,7 @@
 #include "report/learning_curve.h"
 #include "report/runs.h"
 #include "settings/config.h"
+#include "settings/setting_texts.h"
 #include "storage/files.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
@@ -258,8 +259,29 @@ void check_search(const Search& search) {
     }
 }
 
+namespace {
+
+/// Whether a run that is to be resumed has checkpoints without its replay. train.save_replay may differ from
+/// the planned one, as it changes no result of a run that does not stop.
+bool continues_without_replay(const PlannedRun& planned, const fs::path& folder) {
+    if (newest_checkpoint(folder).value_or(0) == 0 || is_finished(folder, planned.end)) return false;
+    const auto settings = settings_in(read_file(folder / "config.yaml"));
+    const auto found = settings.find("train.save_replay");
+    return found != settings.end() && same_value(found->second, "false");
+}
+
+}  // namespace
+
 bool refuse_others(const Search& search, std::FILE* out) {
-    const auto refused = refused_lines(search.runs, search.folder);
+    auto refused = refused_lines(search.runs, search.folder);
+    if (search.method == SearchMethod::halving && refused.empty()) {
+        for (const auto& planned : search.runs)
+            if (continues_without_replay(planned, search.folder / planned.run.name))
+                refused += refused_line(
+                    planned,
+                    "it stopped with train.save_replay=false, so that it would not continue as if it had "
+                    "not; move its folder away, give the sweep another --dir, or say --search random");
+    }
     fmt::print(out, "{}", refused);
     return !refused.empty();
 }

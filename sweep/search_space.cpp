@@ -9,6 +9,7 @@
 #include "cale/seeds.h"
 #include "cale/text.h"
 #include "settings/config.h"
+#include "sweep/settings.h"
 
 namespace cale {
 namespace {
@@ -45,6 +46,17 @@ std::string drawn(const NumberRange& range, std::mt19937_64& random) {
     return inside == rounded ? text : fmt::format("{}", inside);
 }
 
+/// 8, 1000 or 1e3, as an integer setting takes it.
+bool is_whole(const std::string& text) {
+    if (text.find('.') != text.npos) return false;
+    try {
+        static_cast<void>(integer_in(text));
+        return true;
+    } catch (const ConfigError&) {
+        return false;
+    }
+}
+
 std::vector<Setting> draw(const SearchSpace& space, std::int64_t sample, int attempt) {
     std::mt19937_64 random(derive_seed(space.seed, fmt::format("sample, attempt {}", attempt), sample));
     std::vector<Setting> settings;
@@ -63,6 +75,7 @@ std::optional<NumberRange> number_range(std::string_view text) {
     const auto dots = ends.find("..");
     if (dots == ends.npos) return std::nullopt;
     std::string low(ends.substr(0, dots)), high(ends.substr(dots + 2));
+    if (high.starts_with('.')) throw ConfigError(fmt::format("the range {} has three dots: write two", text));
     for (auto* end : {&low, &high}) std::erase(*end, '_');
     const auto from = number_in<double>(low), to = number_in<double>(high);
     if (!from || !to || !std::isfinite(*from) || !std::isfinite(*to)) return std::nullopt;
@@ -70,10 +83,8 @@ std::optional<NumberRange> number_range(std::string_view text) {
     if (*from > *to) throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
     if (logarithmic && *from <= 0)
         throw ConfigError(fmt::format("the range {} has no logarithms: its ends must be above 0", text));
-    return NumberRange{.low = *from,
-                       .high = *to,
-                       .logarithmic = logarithmic,
-                       .whole = number_in<std::int64_t>(low) && number_in<std::int64_t>(high)};
+    return NumberRange{
+        .low = *from, .high = *to, .logarithmic = logarithmic, .whole = is_whole(low) && is_whole(high)};
 }
 
 std::vector<std::vector<Setting>> draw_samples(const SearchSpace& space) {

@@ -241,10 +241,15 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     std::signal(SIGCHLD, SIG_DFL);  // of who starts this with it ignored no child could be waited for
     check_devices(options.sharing.devices);
     auto sweep = read_sweep(options.file, options.overrides);
-    std::vector<std::string> all_runs;
-    for (const auto& run : sweep.runs) all_runs.push_back(run.name);
     check_method(options, sweep);
+    const auto names_of_runs = [&] {
+        std::vector<std::string> names;
+        for (const auto& run : sweep.runs) names.push_back(run.name);
+        return names;
+    };
+    auto listed = names_of_runs();
     keep_only(sweep.runs, options.only);
+    if (!options.overrides.empty()) listed = names_of_runs();  // the file asks for no others
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
     check_folder(folder);
     const auto runs = plan(sweep, options.cale.parent_path());
@@ -253,7 +258,7 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     const bool compares = options.search != SearchMethod::none && options.only.empty();
     if (compares) check_search(search);
     if (options.launcher == Launcher::slurm)
-        return submit_to_slurm(runs, folder, slurm_options(options, sweep, runs, folder), options, all_runs,
+        return submit_to_slurm(runs, folder, slurm_options(options, sweep, runs, folder), options, listed,
                                out);
 
     auto machine = Machine::here();
@@ -265,7 +270,7 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
         return show_commands(next, folder, options, slots.slots.front().device, out);
     }
-    make_folder(folder, all_runs, asks_for_a_part(options));
+    make_folder(folder, listed, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} in {}, {} at once ({})\n", sweep.name, counted(runs.size(), "run"),
                folder.string(), slots.slots.size(), slots.reason);
     if (sweep.repeated > 0)

@@ -126,11 +126,6 @@ struct Task {
     bool sampled = false;
 };
 
-/// Whether sampled actions may be others than greedy ones.
-bool draws(const Policy& policy) {
-    return policy.info().evaluation_samples || !policy.gives_action_values();
-}
-
 Task task_of(const Options& options, const fs::path& path, torch::Device device) {
     const auto contents = policy_file_of(path);
     Task task{.policy = Policy::parse(contents, path.string(), device),
@@ -139,7 +134,7 @@ Task task_of(const Options& options, const fs::path& path, torch::Device device)
     const PolicyInfo& info = task.policy.info();
     task.plan = plan_of(options, environment_of(options, info));
     require_playable(info, task.plan.env);
-    task.sampled = (options.sampled && draws(task.policy)) || (info.evaluation_samples && !options.greedy);
+    task.sampled = (options.sampled && can_sample(task.policy)) || (info.evaluation_samples && !options.greedy);
     return task;
 }
 
@@ -163,11 +158,8 @@ EvaluationReport report_of(const Options& options, const Task& task, const std::
 int evaluate_policy(const Options& options, torch::Device device) {
     const StopSignals signals;
     Task task = task_of(options, options.policy, device);
-    if (options.sampled && !draws(task.policy))
-        std::fputs(
-            "cale evaluate: --sampled: this policy has action values, which are no distribution, and no "
-            "noise: it plays greedily\n",
-            stderr);
+    if (options.sampled && !can_sample(task.policy))
+        std::fputs(fmt::format("cale evaluate: {}\n", kDrawsNothing).c_str(), stderr);
     const NewFolder made = make_folder(options, task.policy.info(), task.plan.env);
     const fs::path& folder = made.path();
     if (options.video) task.plan.video = folder / fmt::format("episode_{:04}.mp4", options.video_episode);

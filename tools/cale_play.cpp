@@ -79,6 +79,8 @@ PlayPlan plan_of(const Options& options) {
     if (const auto kept = keep_life_loss(policy->info(), plan.env); !kept.empty())
         std::fputs(fmt::format("cale play: {}\n", kept).c_str(), stderr);
     require_playable(policy->info(), plan.env);
+    if (options.sampled && !can_sample(*policy))
+        std::fputs(fmt::format("cale play: {}\n", kDrawsNothing).c_str(), stderr);
     const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);
     plan.decide = decide_by(*policy, sampled, options.seed);
     return plan;

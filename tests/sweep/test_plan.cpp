@@ -139,6 +139,20 @@ TEST_F(SweepPlan, AsksAboutAsManyRunsAsThereAre) {
     EXPECT_EQ(text_of(runs[239], "agent.mode"), "fast");
 }
 
+TEST_F(SweepPlan, AsksAboutSettingsThatAreLongerThanOneCommand) {
+    const std::string loss(4'000, 'x');  // 50 of them are more than a shell takes
+    std::string rates;
+    for (int i = 0; i < 50; ++i) rates += fmt::format("{}{}e-4", i > 0 ? ", " : "", i + 1);
+    const auto file =
+        fake_.write("mine.yaml", fmt::format("agent: fake\nset: {{env.rom_dir: {}, agent.loss: {}}}\n"
+                                             "grid: {{train.seed: 1, env.game: pong, agent.rate: [{}]}}\n",
+                                             (fake_.path() / "roms").string(), loss, rates));
+    const auto runs = plan(read_sweep(file), fake_.path());
+    ASSERT_EQ(runs.size(), 50u);
+    EXPECT_EQ(text_of(runs[49], "agent.rate"), "50e-4");
+    EXPECT_EQ(text_of(runs[49], "agent.loss"), loss);
+}
+
 TEST_F(SweepPlan, AsksAboutAsManySeedsAsThereAre) {
     EXPECT_EQ(plan_of("", "fake", {"train.seed=1..9000"}).size(), 9000u);
 }

@@ -49,6 +49,11 @@ TEST_F(RunFolder, SaysHowFarTheRunIs) {
     EXPECT_EQ(state(), RunPhase::interrupted);
     folder_.write("run/eval/step_000000104.csv", "");
     EXPECT_EQ(state(), RunPhase::finished);
+    folder_.write("run/metadata.json", R"({"finished": false})");
+    EXPECT_EQ(state(), RunPhase::interrupted) << "its last checkpoint was to be written once more";
+    EXPECT_EQ(state(/*evaluates=*/false), RunPhase::finished) << "it pauses there";
+    folder_.write("run/metadata.json", R"({"finished": true})");
+    EXPECT_EQ(state(), RunPhase::finished);
     EXPECT_EQ(status().step, 104);
 }
 
@@ -87,6 +92,9 @@ TEST_F(RunFolder, AFreshStartKeepsWhatTheRunSaid) {
     EXPECT_FALSE(fs::exists(folder_ / "run/eval"));
     EXPECT_EQ(last_log_line(folder_ / "run"), "last");
     EXPECT_EQ(last_log_line(folder_ / "none"), "");
+    EXPECT_EQ(log_size(folder_ / "run"), 12);
+    EXPECT_EQ(last_log_line(folder_ / "run", 6), "last");
+    EXPECT_EQ(last_log_line(folder_ / "run", 12), "") << "that was an earlier session's";
 }
 
 TEST_F(RunFolder, AChildKeepsTheClaimAsLongAsItLives) {

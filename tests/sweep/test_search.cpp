@@ -55,6 +55,10 @@ TEST(SearchSpace, ReadsRanges) {
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("5..5"); }),
                 HasSubstr("the range 5..5 has one value"));
     EXPECT_THAT(test::error_of<ConfigError>([] { number_range("log 0..1"); }), HasSubstr("above 0"));
+    EXPECT_THAT(test::error_of<ConfigError>([] { number_range("0.1...9"); }),
+                HasSubstr("the range 0.1...9 has three dots: write two"));
+    EXPECT_TRUE(number_range("log 1e1..1e3")->whole);
+    EXPECT_FALSE(number_range("1.0..2.0")->whole);
 }
 
 TEST(SearchSpace, DrawsEvenly) {
@@ -350,6 +354,17 @@ TEST_F(HalvingSearch, RunsThatWouldNotGoOnAsTheyWereAreNotPaused) {
         test::error_of<ConfigError>([&] { search(); }),
         HasSubstr("mine: with train.save_replay=false a run that pauses does not continue as if it had not"));
     EXPECT_EQ(search(SearchMethod::random), 0);
+}
+
+TEST_F(HalvingSearch, RunsThatStoppedWithoutTheirReplayDoNotGoOn) {
+    const auto& run = runs_.front().run;
+    folder_.write(run.name + "/config.yaml", "train: {save_replay: false}\n");
+    folder_.write(run.name + "/episodes.csv", "");
+    fs::create_directories(folder_ / run.name / "checkpoints/step_000000100");
+    EXPECT_EQ(search(), 1);
+    EXPECT_THAT(trained_, IsEmpty());
+    EXPECT_THAT(folder_.read("said"),
+                HasSubstr("# refused: " + run.name + ": it stopped with train.save_replay=false"));
 }
 
 TEST_F(HalvingSearch, NothingIsTrainedWhereARunHasOtherSettings) {

@@ -154,6 +154,14 @@ TEST_F(SweepCommand, RunsThatAreAddedOnTheCommandLineStandBesideThoseThatWereThe
     EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__1\nPong__fake__2\n");
 }
 
+TEST_F(SweepCommand, OfRunsThatAreAddedThoseAreListedThatAreAskedFor) {
+    answer();
+    options_.overrides = {"train.seed=3,4"};
+    options_.only = {"*__4"};
+    answer();
+    EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__4\nPong__fake__1\nPong__fake__2\n");
+}
+
 TEST_F(SweepCommand, AFailedRunIsSaidByTheExitCodeOfTheStatusToo) {
     options_.overrides = {"agent.mode=fail"};
     options_.retries = 0;
