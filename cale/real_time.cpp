@@ -55,9 +55,7 @@ FrameAction action_of(const EnvConfig& config, std::span<const Event> events, co
                                 std::to_string(events.size()) + " discrete actions of this game");
     }
     require(events.empty() && !factored, "its action is a number");
-    const auto action = stick(coordinates(config), std::get<std::span<const float>>(actions));
-    validate(action);
-    return action;
+    return stick(coordinates(config), std::get<std::span<const float>>(actions));
 }
 
 bool ends_an_episode(const StepResult& result) {

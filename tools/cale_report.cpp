@@ -24,6 +24,7 @@
 #include "storage/files.h"
 #include "tools/commands.h"
 #include "tools/usage.h"
+#include "train/resume.h"
 
 namespace cale {
 namespace {
@@ -158,8 +159,11 @@ fs::path output_folder(const Options& options) {
     return fs::path("reports") / without_slash(fs::absolute(options.runs.front())).filename();
 }
 
-/// A report replaces the files of an earlier one, run_curves.csv among them.
+/// A report has files of its own, and replaces those of an earlier one, run_curves.csv among them.
 void require_another_folder(const Options& options, const fs::path& folder) {
+    if (has_run_record(folder))
+        throw std::invalid_argument(
+            fmt::format("--output {}: it is the folder of a run; name another one", folder.string()));
     if (options.baselines_csv.empty()) return;
     std::error_code none;  // a pipe has no path
     const auto table = fs::weakly_canonical(options.baselines_csv, none);

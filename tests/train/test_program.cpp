@@ -1258,6 +1258,9 @@ TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
     EXPECT_EQ(cale_says("report sweeps -o sweeps/encoders/a/config.yaml", folder.path()).text,
               "cale report: --output sweeps/encoders/a/config.yaml: this folder cannot be made: Not a "
               "directory; give another\n");
+    folder.write("sweeps/encoders/a/metadata.json", "{}");
+    EXPECT_EQ(cale_says("report sweeps -o sweeps/encoders/a", folder.path()).text,
+              "cale report: --output sweeps/encoders/a: it is the folder of a run; name another one\n");
 }
 
 TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {
