@@ -7,6 +7,7 @@
 #include <fstream>
 #include <iterator>
 #include <locale>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>

@@ -41,7 +41,7 @@ ActionSpace joystick_space(Joystick joystick);
 /// Returns the joystick for an action in the coordinates of `joystick`. A cartesian position beyond the gate
 /// keeps its smaller coordinate, up to sqrt(1/2), and the larger one yields: below a threshold of sqrt(1/2)
 /// the joystick events are those of (x, y) itself, but for the rounding of r cos theta and r sin theta, which
-/// may move a coordinate that is within a few units of its last place of the threshold to its other side.
+/// may carry a coordinate beside the threshold, within a few units in its last place, across it.
 /// Throws std::invalid_argument, naming the coordinate, for NaN, for values outside their interval, and for
 /// another number of coordinates.
 ContinuousAction stick(Joystick joystick, std::span<const float> action);

@@ -19,9 +19,9 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env);
 /// ends the game. Returns a sentence for the user if this changed `env`, else "".
 std::string keep_life_loss(const PolicyInfo& policy, EnvConfig& env);
 
-/// Returns whether sampled actions of the policy may be others than its greedy ones.
+/// Returns whether the policy's sampled actions can differ from its greedy ones.
 bool can_sample(const Policy& policy);
-/// What to say to a user who asks for sampled actions of one of which they may not.
+/// What a user is to know who asks for sampled actions where they cannot.
 inline constexpr const char* kDrawsNothing =
     "--sampled: this policy has action values, which are no distribution, and no noise: it plays greedily";
 

@@ -62,18 +62,14 @@ std::vector<std::string> expand_one(std::string_view key, const std::string& tex
     }
     const auto dots = text.find("..");
     if (dots == std::string::npos) return {text};
-    const auto first = natural(std::string_view(text).substr(0, dots));
-    const auto last = natural(std::string_view(text).substr(dots + 2));
-    const auto is_number = [](std::string_view end) { return number_in<double>(end).has_value(); };
+    const auto low = std::string_view(text).substr(0, dots), high = std::string_view(text).substr(dots + 2);
+    const auto first = natural(low), last = natural(high);
     if (!first || !last) {
-        const auto low = std::string_view(text).substr(0, dots),
-                   high = std::string_view(text).substr(dots + 2);
-        if (is_number(low) && is_number(high) && text.find_first_of("-+eE") != text.npos)
-            throw ConfigError(
-                fmt::format("the range {} cannot be counted: only whole numbers from 0 on are, written like "
-                            "1..3 or 1_000..1_003; list the values",
-                            text));
-        return {text};
+        if (!number_in<double>(low) || !number_in<double>(high)) return {text};
+        throw ConfigError(fmt::format(
+            "the range {} cannot be counted: only whole numbers from 0 on are, written like 1..3 or "
+            "1_000..1_003; list the values",
+            text));
     }
     if (*last < *first)
         throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));

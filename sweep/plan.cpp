@@ -28,12 +28,12 @@ namespace {
 
 /// What a run takes beside its replay: LibTorch, networks, optimisers and a batch at work.
 constexpr std::int64_t kMemoryOfProcess = 900'000'000;
-/// Configurations that a program is asked about in one command line, which the system limits to 128 kB.
+/// Configurations that a program is asked about in one command line.
 constexpr std::size_t kGroupsAtOnce = 50;
-// Of the one argument that a shell takes, 128 KiB, less than half: a command has values and groups.
-constexpr std::size_t kBytesAtOnce = 50'000;
 /// Games and seeds in such a command line.
 constexpr std::size_t kValuesAtOnce = 2'000;
+/// What either may take of it. The command line is one argument of a shell, which Linux limits to 128 KiB.
+constexpr std::size_t kBytesAtOnce = 50'000;
 /// A stored transition's frame, and its action, reward and bookkeeping.
 constexpr std::int64_t kMemoryOfTransition = 350;
 

@@ -86,9 +86,14 @@ bool is_finished(const fs::path& folder, const RunEnd& end) {
     const auto checkpoint = newest_checkpoint(folder);
     if (!checkpoint || *checkpoint < end.total_steps) return false;
     if (!end.evaluates) return true;
-    // Behind the evaluation's table the checkpoint is written once more, with its score, and the metadata.
-    return newest_step(folder / "eval", ".csv").value_or(0) >= end.total_steps &&
-           !metadata_say_unfinished(folder);
+    if (newest_step(folder / "eval", ".csv").value_or(0) < end.total_steps) return false;
+    try {
+        // Behind the evaluation's table the checkpoint is written once more, with its score, and the
+        // metadata.
+        return !metadata_say_unfinished(folder);
+    } catch (const std::system_error&) {
+        return false;  // config_mismatch() names a file that cannot be read
+    }
 }
 
 RunStatus status_of(const fs::path& folder, const RunEnd& end) {
@@ -125,8 +130,10 @@ std::string strange_file(const fs::path& folder) {
         if (auto name = item.path().filename().string(); !is_begun(name)) return name;
     for (const auto& item : fs::directory_iterator(folder / "checkpoints", ignored))
         if (item.path().extension() != ".partial") return "checkpoints/" + item.path().filename().string();
-    // A run writes its metadata first.
-    if (fs::exists(folder / "config.yaml", ignored) && !fs::exists(folder / "metadata.json", ignored))
+    // A run writes its metadata first. Asked again, as another sweep may have removed both meanwhile.
+    const auto config = folder / "config.yaml";
+    if (fs::exists(config, ignored) && !fs::exists(folder / "metadata.json", ignored) &&
+        fs::exists(config, ignored))
         return "config.yaml";
     return "";
 }

@@ -31,7 +31,7 @@ struct RunStatus {
 };
 
 /// Returns whether the run is finished: its newest checkpoint has all steps and, where it evaluates, that
-/// evaluation is written, and its metadata.json does not say that it came to no end.
+/// evaluation is written; its metadata.json must not say that it is unfinished.
 bool is_finished(const std::filesystem::path& folder, const RunEnd& end);
 
 /// The status of the run in `folder`, which need not exist, whatever its settings.

@@ -280,7 +280,8 @@ bool refuse_others(const Search& search, std::FILE* out) {
                 refused += refused_line(
                     planned,
                     "it stopped with train.save_replay=false, so that it would not continue as if it had "
-                    "not; move its folder away, give the sweep another --dir, or say --search random");
+                    "not stopped; move its folder away, give the sweep another --dir, or say --search "
+                    "random");
     }
     fmt::print(out, "{}", refused);
     return !refused.empty();

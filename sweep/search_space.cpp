@@ -75,10 +75,12 @@ std::optional<NumberRange> number_range(std::string_view text) {
     const auto dots = ends.find("..");
     if (dots == ends.npos) return std::nullopt;
     std::string low(ends.substr(0, dots)), high(ends.substr(dots + 2));
-    if (high.starts_with('.')) throw ConfigError(fmt::format("the range {} has three dots: write two", text));
     for (auto* end : {&low, &high}) std::erase(*end, '_');
     const auto from = number_in<double>(low), to = number_in<double>(high);
     if (!from || !to || !std::isfinite(*from) || !std::isfinite(*to)) return std::nullopt;
+    if (high.starts_with('.'))
+        throw ConfigError(fmt::format("the range {0} has three dots: write two, {1}..0{2} or {1}..{3}", text,
+                                      low, high, high.substr(1)));
     if (*from == *to) throw ConfigError(fmt::format("the range {} has one value: write that alone", text));
     if (*from > *to) throw ConfigError(fmt::format("the range {} is empty: the lower end comes first", text));
     if (logarithmic && *from <= 0)

@@ -81,6 +81,21 @@ void check_folder(const fs::path& folder) {
 }
 
 /// Whether the sweep file may have more runs than this call, as the tasks of a job array have.
+std::vector<std::string> names_of(std::span<const SweepRun> runs) {
+    std::vector<std::string> names;
+    for (const auto& run : runs) names.push_back(run.name);
+    return names;
+}
+
+/// Those of a sweep file by itself; none where it lacks what --set says.
+std::vector<std::string> names_in(const fs::path& file) {
+    try {
+        return names_of(read_sweep(file).runs);
+    } catch (const ConfigError&) {
+        return {};
+    }
+}
+
 bool asks_for_a_part(const SweepOptions& options) {
     return !options.overrides.empty() || !options.only.empty();
 }
@@ -242,14 +257,16 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     check_devices(options.sharing.devices);
     auto sweep = read_sweep(options.file, options.overrides);
     check_method(options, sweep);
-    const auto names_of_runs = [&] {
-        std::vector<std::string> names;
-        for (const auto& run : sweep.runs) names.push_back(run.name);
-        return names;
-    };
-    auto listed = names_of_runs();
+    auto listed = names_of(sweep.runs);
     keep_only(sweep.runs, options.only);
-    if (!options.overrides.empty()) listed = names_of_runs();  // the file asks for no others
+    if (!options.only.empty() && !options.overrides.empty()) {
+        // What --set adds to the file is asked for only where --only picks it.
+        const auto picked = names_of(sweep.runs), of_file = names_in(options.file);
+        std::erase_if(listed, [&](const std::string& name) {
+            return std::ranges::find(picked, name) == picked.end() &&
+                   std::ranges::find(of_file, name) == of_file.end();
+        });
+    }
     const auto folder = fs::absolute(options.folder.empty() ? fs::path("runs") / sweep.name : options.folder);
     check_folder(folder);
     const auto runs = plan(sweep, options.cale.parent_path());

@@ -161,9 +161,11 @@ fs::path output_folder(const Options& options) {
 
 /// A report has files of its own, and replaces those of an earlier one, run_curves.csv among them.
 void require_another_folder(const Options& options, const fs::path& folder) {
-    if (has_run_record(folder))
+    const auto above = run_above(folder);
+    if (has_run_record(folder) || !above.empty())
         throw std::invalid_argument(
-            fmt::format("--output {}: it is the folder of a run; name another one", folder.string()));
+            fmt::format("{}: it is {}; name another folder by --output", folder.string(),
+                        above.empty() ? "the folder of a run" : "in the folder of a run, " + above.string()));
     if (options.baselines_csv.empty()) return;
     std::error_code none;  // a pipe has no path
     const auto table = fs::weakly_canonical(options.baselines_csv, none);

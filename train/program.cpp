@@ -248,16 +248,17 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
         } catch (const std::system_error&) {
             throw;  // it cannot be read now
         } catch (const std::exception&) {
-            // Damaged: the one before is resumed from.
+            // Damaged, or of another version: the one before is resumed from, or none.
         }
     }
     return program.table.differences(run_dir / "config.yaml");
 }
 
-/// Whether evaluations are to be played by other settings than the run's.
+/// Whether an evaluation is to be played by other settings than the run's.
 bool evaluates_otherwise(const TrainingProgram& program, const fs::path& run_dir) {
-    return std::ranges::any_of(changes_since(program, run_dir),
-                               [](const auto& change) { return change.key.starts_with("eval."); });
+    return std::ranges::any_of(changes_since(program, run_dir), [](const auto& change) {
+        return change.key.starts_with("eval.") && change.key != "eval.every";
+    });
 }
 
 /// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
@@ -421,7 +422,7 @@ void check_precision(const AgentSpec& spec) {
 /// Before anything large is made: its initial values alone can take minutes.
 void check_memory(const TrainingProgram& program, const TrainingWorld& world, const AgentSpec& spec,
                   int processes_here) {
-    const auto available = available_memory() / processes_here;
+    const auto available = available_memory() / processes_here;  // an equal share for each
     const auto environments = world.bytes_per_env * spec.num_envs;
     if (environments > available)
         refuse_memory(fmt::format("{} environments", spec.num_envs), environments, available,

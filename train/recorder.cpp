@@ -259,7 +259,10 @@ bool Recorder::has_its_last_evaluation() const {
 Outcome Recorder::finish() {
     const bool complete = state_.step >= settings_.train.total_steps;
     const bool evaluated = has_its_last_evaluation();
-    if (written_step_ != state_.step) {
+    // Of what is played anew the checkpoint must not hold the score: a run that is cut off there plays it.
+    const bool anew = complete && !evaluated && state_.score && state_.score->evaluated;
+    if (anew) state_.score.reset();
+    if (written_step_ != state_.step || anew) {
         if (complete) {
             write_scheduled_checkpoint();
         } else {
@@ -269,7 +272,7 @@ Outcome Recorder::finish() {
     write_last_row();
     draw_curve();
     if (files_) files_->checkpoints.finish();
-    if (!complete || (!evaluated && !run_last_evaluation())) {
+    if (!complete || (!evaluated && !run_last_evaluation(anew))) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
             files_->console.message(fmt::format("{} at agent step {}; resume with {}",
@@ -467,11 +470,12 @@ bool Recorder::run_evaluation() {
 }
 
 /// The evaluation at the end, behind the last checkpoint, which is written once more with its score and what
-/// it drew. Returns false where a signal has cut it off.
-bool Recorder::run_last_evaluation() {
+/// it drew. `anew`: it was played before, and what it drew then stays. Returns false where a signal has cut
+/// it off.
+bool Recorder::run_last_evaluation(bool anew) {
     // A longer run's agent must not know of one that it does not have.
     const bool due = last_evaluation_due();
-    const bool forgets = !due && evaluations_decide();
+    const bool forgets = anew || (!due && evaluations_decide());
     const auto agent_before = forgets ? agent_.state() : TensorMap();
     if (!run_evaluation()) return false;
     if (forgets && files_) agent_.load_state(agent_before);  // the other processes have played nothing

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <exception>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -112,6 +113,14 @@ class Environments final : public World {
                                         ", not " + std::to_string(given));
     }
 
+    [[noreturn]] static void refuse(const Box& box, std::size_t axis, float value) {
+        std::ostringstream message;
+        message.precision(9);
+        message << "the action's " << (box.names.empty() ? "axis_" + std::to_string(axis) : box.names[axis])
+                << " is " << value << ": it must lie in [" << box.low[axis] << ", " << box.high[axis] << "]";
+        throw std::invalid_argument(message.str());
+    }
+
     std::span<std::uint8_t> row(std::span<std::uint8_t> frames, std::size_t i) const {
         return frames.subspan(i * frame_size_, frame_size_);
     }
@@ -120,8 +129,9 @@ class Environments final : public World {
         if constexpr (requires { game.step(std::int64_t{}); }) {
             const auto action = std::get<std::span<const std::int64_t>>(actions)[i];
             if (action < 0 || action >= num_actions(space_))
-                throw std::invalid_argument("there is no action " + std::to_string(action) + " among the " +
-                                            std::to_string(num_actions(space_)) + " of the world");
+                throw std::invalid_argument("there is no action " + std::to_string(action) +
+                                            ": the world has those from 0 to " +
+                                            std::to_string(num_actions(space_) - 1));
             return game.step(action);
         } else {
             const auto action =
@@ -130,10 +140,7 @@ class Environments final : public World {
             for (std::size_t axis = 0; axis < action.size(); ++axis) {
                 // Written so that NaN, which compares false to everything, is refused too.
                 if (action[axis] >= box.low[axis] && action[axis] <= box.high[axis]) continue;
-                throw std::invalid_argument("coordinate " + std::to_string(axis) + " of an action is " +
-                                            std::to_string(action[axis]) + ": it must lie in [" +
-                                            std::to_string(box.low[axis]) + ", " +
-                                            std::to_string(box.high[axis]) + "]");
+                refuse(box, axis, action[axis]);
             }
             return game.step(action);
         }

@@ -162,6 +162,13 @@ TEST_F(SweepCommand, OfRunsThatAreAddedThoseAreListedThatAreAskedFor) {
     EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__4\nPong__fake__1\nPong__fake__2\n");
 }
 
+TEST_F(SweepCommand, RunsOfTheFileAreListedThoughAPartIsTrainedInAnotherWay) {
+    options_.overrides = {"log.every=20"};
+    options_.only = {"*__1"};
+    answer();
+    EXPECT_EQ(read_file(fake_.sweep() / "sweep_runs.txt"), "Pong__fake__1\nPong__fake__2\n");
+}
+
 TEST_F(SweepCommand, AFailedRunIsSaidByTheExitCodeOfTheStatusToo) {
     options_.overrides = {"agent.mode=fail"};
     options_.retries = 0;

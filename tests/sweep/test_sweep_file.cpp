@@ -286,7 +286,7 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: 'pong,krull'}\n"),
                 HasSubstr("'pong,krull' is several games, and a run of a sweep is of one;"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 5..1}\n"), HasSubstr("the range 5..1 is empty"));
-    for (const std::string range : {"-3..-1", "1e5..3e5"})
+    for (const std::string range : {"-3..-1", "1e5..3e5", "0.1..0.5"})
         EXPECT_THAT(mistake("agent: sac\ngrid: {agent.number: " + range + "}\n"),
                     HasSubstr("the range " + range + " cannot be counted: only whole numbers from 0 on are"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {train.seed: 0..4000000000}\n"),

@@ -1260,7 +1260,7 @@ TEST(CaleProgram, AReportIsCalledAfterItsFirstRuns) {
               "directory; give another\n");
     folder.write("sweeps/encoders/a/metadata.json", "{}");
     EXPECT_EQ(cale_says("report sweeps -o sweeps/encoders/a", folder.path()).text,
-              "cale report: --output sweeps/encoders/a: it is the folder of a run; name another one\n");
+              "cale report: sweeps/encoders/a: it is the folder of a run; name another folder by --output\n");
 }
 
 TEST(CaleProgram, AReportThatIsStrictFailsWhereARunIsMissing) {

@@ -887,6 +887,33 @@ TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
         EXPECT_TRUE(fs::exists(folder.path() / "eval" / csv)) << csv;
 }
 
+TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedAlsoWhereItWasAskedForAnew) {
+    struct InterruptedInEvaluation : ScribeAgent {
+        using ScribeAgent::ScribeAgent;
+        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
+            return ScribeAgent::act(observations, mode);
+        }
+    } second(1);
+    train_config.total_steps = 100;
+    eval.every = 50;
+    eval.video = false;
+    ScribeAgent agent(1);
+    EXPECT_EQ(train(agent), Outcome::finished);
+    const auto table = folder.path() / "eval" / "step_000000100.csv";
+    const auto lines = [&] { return occurrences(read_file(table), "\n"); };
+    const auto of_one_game = lines();
+
+    options.resume = options.finished = options.evaluates_otherwise = true;
+    eval.episodes = 2;
+    EXPECT_EQ(train(second), Outcome::interrupted);
+    EXPECT_EQ(lines(), of_one_game);
+    options.finished = options.evaluates_otherwise = false;  // as its metadata and its checkpoint have it now
+    ScribeAgent third(1);
+    EXPECT_EQ(train(third), Outcome::finished);
+    EXPECT_EQ(lines(), of_one_game + 1);
+}
+
 // With a checkpoint on the last step and without.
 class InterruptedEndEmulator : public TrainingEmulator, public testing::WithParamInterface<std::int64_t> {};
 INSTANTIATE_TEST_SUITE_P(CheckpointEvery, InterruptedEndEmulator, testing::Values(150, 100));
