@@ -90,6 +90,16 @@ class ScribeAgent : public Agent {
     std::mt19937 random_{1};
 };
 
+/// Is stopped in an evaluation, at this decision of all that it has played; -1: is not.
+struct InterruptedInEvaluation : ScribeAgent {
+    using ScribeAgent::ScribeAgent;
+    torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
+        if (mode == ActMode::evaluate && evaluated == cut_at) raise(SIGTERM);
+        return ScribeAgent::act(observations, mode);
+    }
+    std::int64_t cut_at = 3;
+};
+
 std::int64_t occurrences(std::string_view text, std::string_view part) {
     std::int64_t count = 0;
     for (auto at = text.find(part); at != text.npos; at = text.find(part, at + 1)) ++count;
@@ -293,13 +303,7 @@ TEST_F(TrainingEmulator, AnInterruptedRunsLastRowIsGoneOnceItIsResumed) {
 }
 
 TEST_F(TrainingEmulator, ARunThatIsResumedAtItsEndHasItsLastRow) {
-    struct InterruptedInEvaluation : ScribeAgent {
-        using ScribeAgent::ScribeAgent;
-        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
-            return ScribeAgent::act(observations, mode);
-        }
-    } agent(1);
+    InterruptedInEvaluation agent(1);
     eval.video = false;
     train_config.total_steps = 170;
     EXPECT_EQ(train(agent), Outcome::interrupted);
@@ -422,14 +426,6 @@ TEST_F(TrainingEmulator, KeepsTheBestOfTrainingAndThoseAtMultiples) {
 }
 
 TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
-    struct InterruptedInEvaluation : ScribeAgent {
-        using ScribeAgent::ScribeAgent;
-        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (mode == ActMode::evaluate && evaluated == cut_at) raise(SIGTERM);
-            return ScribeAgent::act(observations, mode);
-        }
-        int cut_at = -1;
-    };
     eval.every = 200;
     eval.video = false;
     train_config.total_steps = 500;
@@ -457,7 +453,7 @@ TEST_F(TrainingEmulator, KeepsTheBestOfEvaluationsAlsoWhereOneWasCutOff) {
         EXPECT_EQ(score_in(place.path() / "checkpoints" / "step_000000500")["of"], "evaluation");
 
         options.resume = true;
-        InterruptedInEvaluation again(1);
+        ScribeAgent again(1);
         EXPECT_EQ(train(again), Outcome::finished);
         EXPECT_EQ(again.evaluated, 0) << "no evaluation is played twice";
     }
@@ -865,13 +861,7 @@ TEST_F(TrainingEmulator, AnInterruptLeavesACheckpoint) {
 }
 
 TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
-    struct InterruptedInEvaluation : ScribeAgent {
-        using ScribeAgent::ScribeAgent;
-        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
-            return ScribeAgent::act(observations, mode);
-        }
-    } agent(1);
+    InterruptedInEvaluation agent(1);
     eval.every = 50;
     eval.video = false;
     EXPECT_EQ(train(agent), Outcome::interrupted);
@@ -888,13 +878,7 @@ TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedWhenTheRunGoesOn) {
 }
 
 TEST_F(TrainingEmulator, AnInterruptedEvaluationIsPlayedAlsoWhereItWasAskedForAnew) {
-    struct InterruptedInEvaluation : ScribeAgent {
-        using ScribeAgent::ScribeAgent;
-        torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
-            if (mode == ActMode::evaluate && evaluated == 3) raise(SIGTERM);
-            return ScribeAgent::act(observations, mode);
-        }
-    } second(1);
+    InterruptedInEvaluation second(1);
     train_config.total_steps = 100;
     eval.every = 50;
     eval.video = false;
