@@ -11,6 +11,7 @@
 #include <set>
 #include <stdexcept>
 #include <string_view>
+#include <tuple>
 
 #include "cale/random_play.h"
 #include "cale/text.h"
@@ -19,22 +20,29 @@ namespace cale {
 namespace {
 
 constexpr std::size_t kCurvePoints = 51;
-constexpr std::size_t kThresholds = 101;
+constexpr double kThresholdsPerHumanScore = 100;
+constexpr double kLastThreshold = 8;
 constexpr std::size_t kFewRuns = 5;
 constexpr std::int64_t kFewGames = 5;  // behind the score of a run
 
-/// Steps at which all runs have a score: their own where they agree, else from where the last of
-/// them has its first to where the first of them ends.
+/// Steps at which all runs have a score, from where the last of them has its first to where the first of
+/// them ends: their own where these agree, else equally far apart.
 std::vector<double> common_steps(const std::vector<const Run*>& runs) {
-    const auto& first = runs.front()->steps;
-    const auto agrees = [&](const Run* run) { return run->steps == first; };
-    if (first.size() <= kCurvePoints && std::all_of(runs.begin(), runs.end(), agrees)) return first;
     double begin = 0, end = HUGE_VAL;
     for (const auto* run : runs) {
         begin = std::max(begin, run->steps.front());
         end = std::min(end, run->steps.back());
     }
-    std::vector<double> steps;
+    const auto between = [&](const Run* run) {
+        std::vector<double> own;
+        std::ranges::copy_if(run->steps, std::back_inserter(own),
+                             [&](double step) { return begin <= step && step <= end; });
+        return own;
+    };
+    auto steps = between(runs.front());
+    const auto agrees = [&](const Run* run) { return between(run) == steps; };
+    if (steps.size() <= kCurvePoints && std::ranges::all_of(runs, agrees)) return steps;
+    steps.clear();
     for (std::size_t i = 0; begin < end && i < kCurvePoints; ++i)
         steps.push_back(begin + (end - begin) * static_cast<double>(i) / (kCurvePoints - 1));
     return steps;
@@ -204,16 +212,17 @@ void aggregate_group(GroupResult& result, const std::vector<const Game*>& compar
         result.curve.push_back(aggregate(normalised_at(only, step), for_bands));
 }
 
-/// From 0 to the best run, at least to 1 and at most to 8 human scores.
+/// From 0 to the best run, at least to 1 and at most to 8 human scores; close, since the profile is a
+/// staircase and most runs may lie near 0.
 std::vector<double> profile_thresholds(const std::vector<GroupResult>& results) {
     double best = 0;
     for (const auto& result : results)
         for (const auto& runs : result.scores)
             best = std::max(best, *std::max_element(runs.begin(), runs.end()));
-    const double last = std::clamp(std::ceil(2 * best) / 2, 1.0, 8.0);
+    const double last = std::clamp(std::ceil(2 * best) / 2, 1.0, kLastThreshold);
     std::vector<double> thresholds;
-    for (std::size_t i = 0; i < kThresholds; ++i)
-        thresholds.push_back(last * static_cast<double>(i) / (kThresholds - 1));
+    for (int i = 0; i <= last * kThresholdsPerHumanScore; ++i)
+        thresholds.push_back(i / kThresholdsPerHumanScore);
     return thresholds;
 }
 
@@ -277,6 +286,28 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     }
     const Bootstrap once{.resamples = 1};
     comparison.baselines.push_back({baseline, scores.empty() ? Aggregates{} : aggregate(scores, once)});
+}
+
+/// Its folder; of a recorded run its group, game and seed.
+std::string name_of(const Run& run) {
+    return run.recorded_as.empty()
+               ? run.folder.string()
+               : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
+}
+
+/// Tables that were joined may hold a run twice, under two numbers.
+void leave_out_copies(std::vector<Run>& runs, std::vector<LeftOut>& repeated) {
+    std::set<
+        std::tuple<std::string, std::string_view, std::uint64_t, std::vector<double>, std::vector<double>>>
+        seen;
+    std::erase_if(runs, [&](const Run& run) {
+        if (run.recorded_as.empty()) return false;
+        const bool is_new =
+            seen.emplace(run.recorded_as, run.game->name, run.seed, run.steps, run.scores).second;
+        if (!is_new)
+            repeated.push_back({name_of(run), fmt::format("{} has its scores twice", run.folder.string())});
+        return !is_new;
+    });
 }
 
 /// Of recorded groups the games that no other group has, and whole groups that lack a game which all others
@@ -348,13 +379,6 @@ std::vector<std::string> sentences(const std::vector<LeftOut>& items) {
     texts.reserve(items.size());
     for (const auto& [what, why] : items) texts.push_back(fmt::format("{}: {}", what, why));
     return texts;
-}
-
-/// Its folder; of a recorded run its group, game and seed.
-std::string name_of(const Run& run) {
-    return run.recorded_as.empty()
-               ? run.folder.string()
-               : fmt::format("{}, {}, seed {}", run.recorded_as, run.game->name, run.seed);
 }
 
 /// "1000 (a; b), 2000 / 100000 (c)", in agent steps, where the runs are of different lengths; else empty.
@@ -596,6 +620,7 @@ Comparison compare(FoundRuns found, std::vector<Baseline> baselines, const Compa
     comparison.left_out_runs = std::move(found.left_out);
     comparison.repeated_runs = std::move(found.repeated);
     comparison.missing_runs = std::move(found.missing);
+    leave_out_copies(found.runs, comparison.repeated_runs);
     comparison.groups = group_runs(std::move(found.runs), config.group_by);
     give_names(comparison.groups, baselines, config.names);
     std::ranges::move(missing_runs(comparison.groups), std::back_inserter(comparison.missing_runs));

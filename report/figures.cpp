@@ -40,6 +40,12 @@ std::string method_of_bands(const Comparison& comparison) {
     return (some ? "pointwise; " : "") + method_of(comparison, resamples, some);
 }
 
+bool has_unfinished_run(const GroupResult& result) {
+    return std::ranges::any_of(result.games, [](const GameResult& game) {
+        return std::ranges::any_of(game.runs, [](const Run* run) { return !run->finished; });
+    });
+}
+
 /// A group's interval as a bar, its estimate as a line across.
 void draw_interval(Picture& picture, const Panel& panel, const Estimate& estimate, double y,
                    bool with_interval, std::size_t series) {
@@ -153,7 +159,11 @@ Picture profile_figure(const Comparison& comparison) {
     picture.words.push_back({"fraction of runs with a higher score", {70, panel.top - 12}, kInk, 12.5});
     picture.words.push_back(
         {"human-normalised score", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
-    finish_picture(picture, panel.bottom + 50, method_of_bands(comparison));
+    auto method = method_of_bands(comparison);
+    const auto has_more = [](const GroupResult& result) { return result.profile.back().value > 0; };
+    if (std::ranges::any_of(comparison.results, has_more))
+        method += fmt::format("; some runs score more than {:g}", comparison.thresholds.back());
+    finish_picture(picture, panel.bottom + 50, method);
     return picture;
 }
 
@@ -244,6 +254,11 @@ Picture efficiency_figure(const Comparison& comparison) {
     picture.words.push_back({"IQM of human-normalised scores", {70, panel.top - 12}, kInk, 12.5});
     picture.words.push_back({"agent steps", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
     auto method = method_of_bands(comparison);
+    std::vector<std::string> unfinished;
+    for (const auto& result : comparison.results)
+        if (has_unfinished_run(result)) unfinished.push_back(result.label);
+    if (!unfinished.empty())
+        method += fmt::format("; to where the shortest run is, unfinished: {}", fmt::join(unfinished, ", "));
     if (!far.empty()) method += fmt::format("; left out, far from the curves: {}", fmt::join(far, ", "));
     finish_picture(picture, panel.bottom + 50, method);
     return picture;
@@ -281,7 +296,8 @@ std::vector<Figure> figures(const Comparison& comparison) {
                 {"probability_of_improvement", "Probability of improvement",
                  std::string("How likely a run of X scores more than a run of Y on a game drawn at random.") +
                      (has_interval_of_a_pair(comparison)
-                          ? " An interval that leaves out 0.5 speaks for a difference."
+                          ? " An interval that leaves out 0.5 speaks for a difference where both have at "
+                            "least five runs per game; with two or three many leave it out by chance."
                           : ""),
                  improvement_figure(comparison)});
         }

@@ -156,11 +156,12 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
         }
     }
     auto differing = differing_keys(runs);
-    differing.insert(differing.begin(), "agent");
+    const auto is_of_another = [&](const Run* run) { return run->agent != runs.front()->agent; };
+    if (std::ranges::any_of(runs, is_of_another)) differing.insert(differing.begin(), "agent");
     throw std::invalid_argument(fmt::format(
         "--group-by {}: no run has such a setting, or it has no effect on results; the runs differ "
         "in {}",
-        wanted, fmt::join(differing, ", ")));
+        wanted, differing.empty() ? "no setting" : fmt::format("{}", fmt::join(differing, ", "))));
 }
 
 bool all_agree(const SettingRow& row) {
@@ -218,13 +219,14 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
         if (!is_recorded(group)) own.insert(group.label);
     for (auto& group : groups) {
         const auto name = names.find(group.label);
+        const auto label = group.label;
         // Where a recorded group is called like one of the user's, that one is meant.
         if (name != names.end() && !(is_recorded(group) && own.contains(group.label)))
             group.label = name->second;
         if (!taken.insert(group.label).second)
             throw std::invalid_argument(
                 fmt::format("two groups are called {}: give one of them another name by --name '{}=NAME'",
-                            group.label, group.label));
+                            group.label, labels.contains(group.label) ? group.label : label));
     }
     // Recorded groups come last.
     std::ranges::stable_sort(groups, natural_less, &Group::label);

@@ -31,7 +31,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostPairs = 10;  // of groups, that the terminal shows
+// That the terminal shows.
+constexpr std::size_t kMostPairs = 10;  // of groups
+constexpr std::size_t kMostItems = 10;  // of a note
 
 /// A table that comes with cale.
 fs::path data_file(const fs::path& name) {
@@ -84,6 +86,15 @@ std::vector<std::string> listed_names(const std::vector<std::string>& texts,
     return names;
 }
 
+/// The names that hold the text; without one the nearest, if any is near.
+std::vector<std::string> resembling(const std::string& text, const std::vector<std::string>& names) {
+    std::vector<std::string> found;
+    std::ranges::copy_if(names, std::back_inserter(found),
+                         [&](const std::string& name) { return name.find(text) != name.npos; });
+    if (const auto guess = nearest(text, names); found.empty() && !guess.empty()) found.push_back(guess);
+    return found;
+}
+
 /// For lists: 'agent, agent.encoder' is 'agent,agent.encoder'.
 std::string trim(std::string& text) {
     CLI::detail::trim(text);
@@ -126,8 +137,8 @@ Beside read_beside(const Options& options) {
         if (!shipped) throw;
         std::string hint = "; --baselines cale has all of cale's own";
         for (const auto& name : published)
-            if (const auto guess = nearest(name, groups); !guess.empty())
-                hint = fmt::format("; cale's own has '{}'", guess);
+            if (const auto guesses = resembling(name, groups); !guesses.empty())
+                hint = fmt::format("; cale's own has '{}'", fmt::join(guesses, "', '"));
         throw std::invalid_argument(error.what() + hint);
     }
     return beside;
@@ -204,7 +215,10 @@ void report(Options options) {
         fmt::print("P(X > Y) of {} pairs of groups: probability_of_improvement.csv\n\n", pairs.rows.size());
     for (const auto& note : comparison.notes) {
         fmt::print("note: {}\n", printable(note.text));
-        for (const auto& item : note.items) fmt::print("  {}\n", printable(item));
+        const auto shown = std::min(note.items.size(), kMostItems);
+        for (std::size_t i = 0; i < shown; ++i) fmt::print("  {}\n", printable(note.items[i]));
+        if (shown < note.items.size())
+            fmt::print("  and {} more: report.html has all\n", note.items.size() - shown);
     }
     fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv, .tex, .md)\n",
                files.front().string(), files.size() - 1);

@@ -256,6 +256,7 @@ TEST_F(Comparing, ComparesEveryPairOnce) {
     EXPECT_DOUBLE_EQ(comparison.improvements[2].probability.value, 1) << "b over c";
     EXPECT_DOUBLE_EQ(comparison.thresholds.front(), 0);
     EXPECT_DOUBLE_EQ(comparison.thresholds.back(), 1.5);
+    EXPECT_DOUBLE_EQ(comparison.thresholds.at(29), 0.29) << "a hundred of a human score";
 }
 
 TEST_F(Comparing, TablesHoldEveryNumber) {

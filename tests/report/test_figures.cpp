@@ -282,6 +282,15 @@ TEST_F(Figures, APairWithoutAnIntervalClaimsNone) {
     EXPECT_THAT(text_of(game_figures(data).front().picture), HasSubstr("1-2 runs per game"));
 }
 
+TEST_F(Figures, SayWhatTheyLeaveOut) {
+    folders_.run("a", "sac", "Pong", 1, {-20, -20}, "train: {total_steps: 1000}\n");
+    folders_.run("b", "dqn", "Pong", 1, {400, 400}, "train: {total_steps: 200}\n");
+    const auto data =
+        compare(find_runs({folders_.path()}, ScoreKind::training), {}, {.bootstrap = {.resamples = 50}});
+    EXPECT_THAT(text_of(efficiency_figure(data)), HasSubstr("to where the shortest run is, unfinished: sac"));
+    EXPECT_THAT(text_of(profile_figure(data)), HasSubstr("some runs score more than 8"));
+}
+
 TEST(Panels, TicksLeaveRoomForTheirWords) {
     Panel panel{.left = 0, .top = 0, .right = 60, .bottom = 10, .x = {0, 1'000'000}};
     double width = 0;

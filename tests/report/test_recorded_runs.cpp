@@ -164,6 +164,31 @@ TEST_F(Recorded, StandsBesideRunsAndTakesNoGameFromThem) {
     EXPECT_EQ(without.left_out_baselines[0].why, "it has no run of Boxing");
 }
 
+TEST_F(Recorded, ALateFirstScoreLeavesTheOthersWhereTheyAre) {
+    auto lines = recorded_runs_csv(compare(found(), {}, kQuick));
+    const auto first = lines.find("sac,2,sac,Pong,2,100,");
+    lines.erase(first, lines.find('\n', first) + 1 - first);
+    FoundRuns again;
+    again.runs = read_recorded_runs(read_whole_csv(folders_.write("late.csv", lines)), {"sac"});
+    EXPECT_THAT(compare(std::move(again), {}, kQuick).results.at(0).curve_steps,
+                ElementsAre(200, 300, 400, 500, 600, 700, 800, 900, 1000));
+}
+
+TEST_F(Recorded, ARunThatIsThereTwiceCountsOnce) {
+    auto lines = recorded_runs_csv(compare(found(), {}, kQuick));
+    const auto at = lines.find("sac,2,");
+    auto copy = lines.substr(at);
+    for (auto next = copy.find("sac,2,"); next != copy.npos; next = copy.find("sac,2,"))
+        copy.replace(next, 6, "sac,9,");
+    FoundRuns again;
+    again.runs = read_recorded_runs(read_whole_csv(folders_.write("joined.csv", lines + copy)), {"sac"});
+    ASSERT_THAT(again.runs, testing::SizeIs(3));
+    const auto comparison = compare(std::move(again), {}, kQuick);
+    EXPECT_EQ(comparison.results[0].most_runs, 2U);
+    ASSERT_THAT(comparison.repeated_runs, testing::SizeIs(1));
+    EXPECT_EQ(comparison.repeated_runs[0].what, "sac, Pong, seed 2");
+}
+
 TEST_F(Recorded, GroupsCanBeGivenNames) {
     auto config = kQuick;
     config.names = {{"sac", "Soft, Actor \"Critic\""}};
@@ -178,6 +203,9 @@ TEST_F(Recorded, GroupsCanBeGivenNames) {
     config.names = {{"sac", "der"}};
     EXPECT_THAT(error_of([&] { compare(found(), {}, config); }),
                 HasSubstr("two groups are called der: give one of them another name by --name 'der=NAME'"));
+    config.names = {{"sac", "one"}, {"der", "one"}};
+    EXPECT_THAT(error_of([&] { compare(found(), {}, config); }),
+                HasSubstr("two groups are called one: give one of them another name by --name 'sac=NAME'"));
     // A recorded group of the same name.
     auto both = found();
     std::ranges::move(read_recorded_runs(table(), {"der"}), std::back_inserter(both.runs));
