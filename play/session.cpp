@@ -81,7 +81,7 @@ class Show {
         bool paused = false;
         while (true) {
             if (stage_.show) {
-                stage_.show(picture, fmt::format("{}: return {:g}{}", name_, scene.episode_return,
+                stage_.show(picture, fmt::format("{}: return {:.10g}{}", name_, scene.episode_return,
                                                  paused ? " (paused: P continues)" : ""));
             }
             // Where the metronome does not wait, keys are still asked for no faster than 60 times a second.

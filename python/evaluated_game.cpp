@@ -61,6 +61,7 @@ PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int6
     stack.push(0, frame);
     PlayedGame game;
     for (StepResult step; !step.episode_over;) {
+        if (plan.stop != nullptr && *plan.stop) throw std::runtime_error("the game was stopped");
         const auto choice = plan.sampled ? Choice::sampled : Choice::greedy;
         const auto decision = policy.act(stack.data(), workspace, choice, sampling);
         const bool at_random =

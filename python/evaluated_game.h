@@ -2,6 +2,7 @@
 // LibTorch.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 
 #include "cale/env.h"
@@ -15,6 +16,7 @@ struct GamePlan {
     double epsilon = 0;      // probability of a uniformly random action instead of the policy's
     bool sampled = false;    // whether actions are drawn from the policy
     std::uint64_t seed = 1;  // with a game's number it determines the game
+    const std::atomic<bool>* stop = nullptr;  // once it is true, a game ends at its next step
 };
 
 /// What became of a game.
@@ -25,7 +27,8 @@ struct PlayedGame {
 };
 
 /// Plays game number `number` from its beginning to its end. Its environment and its random actions are those
-/// of `cale evaluate` with the same seed. Throws what the environment throws.
+/// of `cale evaluate` with the same seed. Throws what the environment throws, and std::runtime_error where
+/// the plan's `stop` ends it.
 PlayedGame play_game(const lite::Policy& policy, const GamePlan& plan, std::int64_t number);
 
 /// Throws std::invalid_argument for an environment whose actions or observations are not the policy's.

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -578,6 +579,10 @@ nb::dict info_of(const PolicyInUse& self) {
     return result;
 }
 
+struct Stop {
+    std::atomic<bool> requested = false;
+};
+
 void bind_policies(nb::module_& m) {
     nb::class_<PolicyInUse>(m, "Policy", "A trained policy.")
         .def(
@@ -606,16 +611,23 @@ void bind_policies(nb::module_& m) {
              "Writes a decision for each observation.")
         .def("output", output, "observations"_a, "numbers"_a, "Writes the network's output.");
 
+    nb::class_<Stop>(m, "Stop", "Ends games under way, of any thread.")
+        .def(nb::init<>())
+        .def(
+            "request", [](Stop& self) { self.requested = true; }, "Ends them at their next step.");
     m.def(
         "play_game",
         [](const PolicyInUse& policy, const nb::dict& texts, double epsilon, bool sampled, std::uint64_t seed,
-           std::int64_t number) {
-            const GamePlan plan{
-                .env = read_config(texts), .epsilon = epsilon, .sampled = sampled, .seed = seed};
+           std::int64_t number, const Stop& stop) {
+            const GamePlan plan{.env = read_config(texts),
+                                .epsilon = epsilon,
+                                .sampled = sampled,
+                                .seed = seed,
+                                .stop = &stop.requested};
             const auto game = run_without_gil([&] { return play_game(policy.policy, plan, number); });
             return std::tuple(game.episode_return, game.length, game.frames);
         },
-        "policy"_a, "settings"_a, "epsilon"_a, "sampled"_a, "seed"_a, "number"_a,
+        "policy"_a, "settings"_a, "epsilon"_a, "sampled"_a, "seed"_a, "number"_a, "stop"_a,
         "Plays a game from its beginning to its end: its return, agent steps and frames.");
     m.def(
         "require_playable",

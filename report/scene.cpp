@@ -137,7 +137,7 @@ Image compose_frame(const Scene& scene) {
     draw_joystick(canvas, scene, {dial.x, dial.y}, dial.radius);
     draw_text(canvas, "fire", {x + 206, kTextTop}, 0.5, kText);
     draw_text(canvas, std::string(event_name(scene.event)), {x, kTextTop}, 0.55, kStick);
-    draw_text(canvas, fmt::format("return {:g}", scene.episode_return), {x, kTextTop + 38}, 0.75, kText);
+    draw_text(canvas, fmt::format("return {:.10g}", scene.episode_return), {x, kTextTop + 38}, 0.75, kText);
     if (scene.value)
         draw_text(canvas, fmt::format("value {:.3g}", *scene.value), {x, kTextTop + 64}, 0.5, kText);
     return image;

@@ -22,6 +22,11 @@ std::error_code newest_error() {
     return {errno, std::generic_category()};
 }
 
+/// What begins with a word and a colon, such as 12:30/film.mp4, FFmpeg takes for an address.
+std::string name_for_ffmpeg(const std::filesystem::path& path) {
+    return std::filesystem::absolute(path).string();
+}
+
 /// Why the system would not write to the end of the file, for which it is made if need be; false: it would.
 /// The file is as long afterwards as before; one that was made in vain is removed.
 std::error_code reason_against_writing(const std::filesystem::path& path) {
@@ -69,6 +74,8 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
         throw std::invalid_argument(
             fmt::format("cannot film to {}: its name must end in .mp4", path.string()));
     }
+    std::error_code ignored;
+    const bool is_new = !std::filesystem::exists(path, ignored);
     // OpenCV does not say why it cannot open a file.
     if (const auto reason = reason_against_writing(path))
         throw std::system_error(reason, fmt::format("cannot film to {}", path.string()));
@@ -77,12 +84,13 @@ VideoWriter::VideoWriter(const std::filesystem::path& path, int width, int heigh
     constexpr std::pair<const char*, std::string_view> codecs[] = {{"avc1", "H.264"}, {"mp4v", "MPEG-4"}};
     for (const auto& [code, name] : codecs) {
         impl_->codec = name;
-        if (impl_->writer.open(path.string(), cv::CAP_FFMPEG,
+        if (impl_->writer.open(name_for_ffmpeg(path), cv::CAP_FFMPEG,
                                cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]), frames_per_second,
                                size)) {
             return;
         }
     }
+    if (is_new) std::filesystem::remove(path, ignored);
     throw std::runtime_error(
         fmt::format("cannot film to {}: this OpenCV encodes neither H.264 nor MPEG-4; it needs FFmpeg "
                     "(Debian's libopencv-videoio has it)",
@@ -118,7 +126,7 @@ void VideoWriter::close() {
     // OpenCV does not report frames that it could not write. A film that was cut short has no index,
     // so it does not even open.
     cv::VideoCapture film;
-    const bool opened = film.open(impl_->path.string(), cv::CAP_FFMPEG);
+    const bool opened = film.open(name_for_ffmpeg(impl_->path), cv::CAP_FFMPEG);
     const auto frames = opened ? std::llround(film.get(cv::CAP_PROP_FRAME_COUNT)) : 0;
     if (frames != impl_->frames) {
         const auto text = fmt::format("the film {} is damaged: {} of its {} frames can be read back",

@@ -46,15 +46,22 @@ bool is_exported(const fs::path& file) {
     return head.find("\"cale_policy\"") != head.npos || head.find(kProducer) != head.npos;
 }
 
+/// A link is followed, as it is when the file is written.
+void require_outside_checkpoint(std::string_view option, const fs::path& file) {
+    std::error_code ignored;
+    if (holds_manifest(fs::absolute(file).parent_path()) ||
+        holds_manifest(fs::weakly_canonical(file, ignored).parent_path()))
+        throw ConfigError(fmt::format("{} {} lies in a checkpoint, which would then be damaged; give another",
+                                      option, file.string()));
+}
+
 void export_file(const Options& options) {
     check_output_file("--output", options.output);
     const fs::path output = options.output;
     std::error_code ignored;
     if (fs::equivalent(options.from, output, ignored))
         throw ConfigError(fmt::format("--output {} is the file that is read; give another", options.output));
-    if (holds_manifest(fs::absolute(output).parent_path()))
-        throw ConfigError(fmt::format(
-            "--output {} lies in a checkpoint, which would then be damaged; give another", options.output));
+    require_outside_checkpoint("--output", output);
     if (fs::is_regular_file(output, ignored) && fs::file_size(output) > 0 && !is_exported(output))
         throw ConfigError(fmt::format("--output {} is there, and no cale export has written it; give another",
                                       options.output));
@@ -75,6 +82,7 @@ void export_page(const Options& options) {
                         "same name would be written over; give a new folder",
                         options.web));
     }
+    for (const auto& file : fs::directory_iterator(made.path())) require_outside_checkpoint("--web", file);
     const auto info = export_web_page(options.from, page, options.web);
     fmt::print(
         "{}: {}\nTo see it: {}, then http://localhost:8000 and a ROM of {}\n", options.web, description(info),

@@ -1,12 +1,16 @@
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <vector>
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include "cale/games.h"
 #include "evaluate/policy_evaluation.h"
@@ -22,6 +26,8 @@
 
 namespace cale {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct Options {
     std::string game;
@@ -47,8 +53,7 @@ EnvConfig for_hands() {
 }
 
 PlayPlan plan_of(const Options& options) {
-    PlayPlan plan{
-        .seed = options.seed, .speed = options.speed, .real_time = options.real_time, .video = options.video};
+    PlayPlan plan{.seed = options.seed, .speed = options.speed, .real_time = options.real_time};
     if (options.games > 0) plan.games = options.games;
     std::optional<Policy> policy;
     if (!options.policy.empty()) policy = policy_of(options.policy);
@@ -61,7 +66,7 @@ PlayPlan plan_of(const Options& options) {
             throw ConfigError(fmt::format("--set {}: there is --threshold {}; leave one of them out", setting,
                                           *options.threshold));
     }
-    if (options.game.find_first_of("/.") != options.game.npos && std::filesystem::exists(options.game))
+    if (options.game.find_first_of("/.") != options.game.npos && fs::exists(options.game))
         throw ConfigError(fmt::format("{0} is no game; a policy is given by --policy {0}", options.game));
     if (!options.game.empty()) plan.env.game = options.game;
     if (options.threshold) plan.env.threshold = *options.threshold;
@@ -86,12 +91,48 @@ PlayPlan plan_of(const Options& options) {
     return plan;
 }
 
+/// A film's file, removed where nothing was filmed to it.
+struct FilmFile {
+    fs::path path{};
+
+    FilmFile() = default;
+    FilmFile(const FilmFile&) = delete;
+    FilmFile& operator=(const FilmFile&) = delete;
+    ~FilmFile() {
+        std::error_code ignored;
+        if (!path.empty() && !is_filmed()) fs::remove(path, ignored);
+    }
+    bool is_filmed() const {
+        std::error_code ignored;
+        return fs::exists(path, ignored) && !fs::is_empty(path, ignored);
+    }
+};
+
+/// Makes the file, so that no other program can film to it meanwhile. Returns whether there was none.
+bool make_new(const fs::path& file) {
+    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor >= 0) return ::close(descriptor) == 0;
+    if (errno == EEXIST) return false;
+    throw std::system_error(errno, std::generic_category(), fmt::format("cannot film to {}", file.string()));
+}
+
+/// A film must be able to come, before anything is played for it.
+fs::path new_film(const fs::path& video) {
+    if (video.extension() != ".mp4")
+        throw ConfigError(fmt::format("--video {}: its name must end in .mp4", video.string()));
+    check_output_file("--video", video);
+    if (!make_new(video))
+        throw ConfigError(fmt::format(
+            "--video {}: there is such a file already; give another name, or delete it", video.string()));
+    return video;
+}
+
 /// play_pong.mp4, or play_pong_2.mp4 where there is one already, and so on.
-std::filesystem::path unused_name(const std::string& name) {
-    std::filesystem::path file = name + ".mp4";
-    for (int number = 2; std::filesystem::exists(file); ++number)
-        file = fmt::format("{}_{}.mp4", name, number);
-    return file;
+fs::path new_film_of(const std::string& game) {
+    fs::path film = fmt::format("play_{}.mp4", game);
+    check_output_file("--video", film);
+    for (int number = 2; !make_new(film); ++number) film = fmt::format("play_{}_{}.mp4", game, number);
+    return film;
 }
 
 /// None where the user wants none, or there is no display and a film will do.
@@ -111,7 +152,6 @@ std::unique_ptr<Window> open_window(const Options& options, PlayPlan& plan) {
             std::fputs(fmt::format("cale play: {}; filming instead\n", error.what()).c_str(), stderr);
         }
     }
-    if (plan.video.empty()) plan.video = unused_name("play_" + plan.env.game);
     if (options.games == 0) plan.games = 1;
     plan.speed = 0;
     return nullptr;
@@ -145,26 +185,17 @@ class FilmProgress {
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// A film must be able to come, before anything is played for it.
-void check_film(const std::filesystem::path& video) {
-    if (video.extension() != ".mp4")
-        throw ConfigError(fmt::format("--video {}: its name must end in .mp4", video.string()));
-    check_output_file("--video", video);
-    if (std::filesystem::is_regular_file(video)) {
-        throw ConfigError(fmt::format(
-            "--video {}: there is such a file already; give another name, or delete it", video.string()));
-    }
-}
-
 /// Returns the exit code.
 int run(const Options& options) {
     if (options.game.empty() && options.policy.empty())
         throw ConfigError("give a GAME, a --policy FILE, or both");
-    if (!options.video.empty()) check_film(options.video);
+    FilmFile film;
+    if (!options.video.empty()) film.path = new_film(options.video);
     PlayPlan plan = plan_of(options);
     const StopSignals signals;  // end the session as a closed window does, so that the film is finished
     const auto window = open_window(options, plan);
-    if (options.video.empty() && !plan.video.empty()) check_film(plan.video);
+    if (!window && film.path.empty()) film.path = new_film_of(plan.env.game);
+    plan.video = film.path;
     Stage stage;
     stage.poll = [&](Hands& hands) {
         if (stop_requested()) return Command::quit;
@@ -186,7 +217,7 @@ int run(const Options& options) {
         progress.end(game);
         console.clear();
         std::fputs(
-            fmt::format("return {:g} after {} agent steps\n", game.episode_return, game.length).c_str(),
+            fmt::format("return {:.10g} after {} agent steps\n", game.episode_return, game.length).c_str(),
             stdout);
         std::fflush(stdout);
     };
@@ -199,8 +230,7 @@ int run(const Options& options) {
                        .c_str(),
                    stdout);
     }
-    if (!plan.video.empty() && std::filesystem::exists(plan.video))
-        std::fputs(fmt::format("{}\n", plan.video.string()).c_str(), stdout);
+    if (film.is_filmed()) std::fputs(fmt::format("{}\n", film.path.string()).c_str(), stdout);
     if (!stop_requested()) return kDone;
     std::fputs(fmt::format("cale play: ended by {} before the game did\n", stop_signal()).c_str(), stderr);
     return kInterrupted;

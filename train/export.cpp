@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstdint>
 #include <fstream>
+#include <new>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -15,6 +16,7 @@
 #include "policy/policy_file.h"
 #include "policy/stored_tensors.h"
 #include "settings/config.h"
+#include "settings/versions.h"
 #include "storage/files.h"
 #include "storage/manifest.h"
 #include "train/agent_file.h"
@@ -86,7 +88,12 @@ std::string read_policy_file(const fs::path& path) {
             "it does not begin with the header of one, or is cut off in it; cale export RUN -o FILE makes "
             "one");
     }
-    return read_file(path);  // which says why, where it cannot be opened
+    try {
+        return read_file(path);  // which says why, where it cannot be opened
+    } catch (const std::bad_alloc&) {
+        refuse_file(fmt::format("its {} bytes do not fit into the memory", fs::file_size(path)));
+        throw;
+    }
 }
 
 }  // namespace
@@ -150,8 +157,14 @@ EnvConfig env_config_of(const PolicyInfo& info) {
         if (found == info.provenance.end()) throw std::runtime_error("it holds none");
         const auto section = YAML::Load(found->second)["env"];
         if (!section.IsMap()) throw std::runtime_error("it has no section env");
-        for (const auto& setting : section)
-            table.at("env." + setting.first.as<std::string>()).set(setting.second.as<std::string>());
+        for (const auto& setting : section) {
+            const auto key = "env." + setting.first.as<std::string>();
+            if (!table.has(key))
+                throw std::runtime_error(
+                    fmt::format("this version, {}, does not know its setting '{}': use a newer one",
+                                cale_version(), key));
+            table.at(key).set(setting.second.as<std::string>());
+        }
     } catch (const std::exception& error) {
         throw std::runtime_error(
             fmt::format("the configuration that the policy of {} says it was trained with cannot be used: {}",

@@ -48,5 +48,9 @@ int main(int argc, char** argv) {
         if (!cale_session_see(session, screen, sizeof screen)) return fail();
     }
     cale_session_free(session);
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        perror("c_caller");
+        return 1;
+    }
     return 0;
 }

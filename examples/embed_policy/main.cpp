@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -75,6 +76,7 @@ int main(int argc, char** argv) {
         const auto [frames, score] = play(policy, console, *most_frames);
         std::printf("%s plays %s: %d points in %d frames\n", policy.info().agent.c_str(), name.c_str(), score,
                     frames);
+        if (std::fflush(stdout) != 0) throw std::runtime_error("the output cannot be written");
         return 0;
     } catch (const std::exception& error) {
         std::fprintf(stderr, "embed_policy: %s\n", error.what());

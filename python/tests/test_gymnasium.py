@@ -31,6 +31,11 @@ def test_gymnasiums_checker_passes(kind):
     check_env(cale.Env("breakout", render_mode="rgb_array", **kind))
 
 
+def test_a_seed_of_numpys_is_a_seed():
+    first, second = cale.Env("breakout"), cale.Env("breakout")
+    np.testing.assert_array_equal(first.reset(seed=5)[0], second.reset(seed=np.int64(5))[0])
+
+
 def test_all_games_are_registered():
     assert "cale/Breakout-v0" in cale.game_ids() and len(cale.game_ids()) == 64
     assert all(name in gymnasium.registry for name in cale.game_ids())

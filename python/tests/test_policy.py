@@ -1,11 +1,14 @@
 """Trained policies, held to what the C++ tools do with them."""
 import csv
+import os
+import signal
 import warnings
 
 import numpy as np
 import pytest
 
 import cale
+from cale._settings import texts_of
 
 
 def recorded(repository, name, games):
@@ -137,3 +140,41 @@ def test_mistakes_get_a_sentence(repository, tmp_path):
         cale.Policy(damaged)
     with pytest.raises(RuntimeError, match="nowhere.safetensors"):
         cale.Policy(tmp_path / "nowhere.safetensors")
+
+
+def test_ctrl_c_does_not_wait_for_the_end_of_games(repository):
+    policy = cale.Policy(repository / "policies/road_runner_sac.safetensors")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            cale.evaluate(policy, games=100_000, threads=2)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    stop = cale._core.Stop()
+    stop.request()
+    texts = texts_of({**policy.settings, "max_frames_per_episode": 108_000})
+    with pytest.raises(RuntimeError, match="the game was stopped"):
+        cale._core.play_game(policy._core, texts, 0.0, False, 1, 0, stop)
+
+
+def test_names_that_are_not_utf8_are_refused(repository, tmp_path):
+    policy = (repository / "policies/road_runner_sac.safetensors").read_bytes()
+    (tmp_path / "named.safetensors").write_bytes(policy)
+    assert cale.Policy(os.fsencode(tmp_path / "named.safetensors")).info["game"] == "RoadRunner"
+    with pytest.raises(ValueError, match="file is '.*udcff', which is not UTF-8"):
+        cale.Policy(os.fsdecode(b"\xff"))
+    with pytest.raises(ValueError, match="rom_dir is '.*udcff', which is not UTF-8"):
+        cale.make_vec("pong", rom_dir=os.fsdecode(b"\xff"))
+
+
+def test_a_policy_of_a_newer_version_says_so(repository):
+    policy = cale.Policy(repository / "policies/road_runner_sac.safetensors")
+    config = policy.info["provenance"]["config"]
+    policy.info["provenance"]["config"] = config.replace("env:\n", "env:\n  new_thing: 3\n")
+    with pytest.raises(ValueError, match="is of a newer cale: this one does not know its setting 'new_thing'"):
+        policy.settings

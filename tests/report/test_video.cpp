@@ -13,6 +13,7 @@
 #include "cale/env.h"
 #include "report/scene.h"
 #include "support/full_disk.h"
+#include "support/working_folder.h"
 
 namespace cale {
 namespace {
@@ -101,6 +102,13 @@ TEST_F(Video, SaysWhyItCannotBeWritten) {
     VideoWriter writer(folder_ / "a.mp4", 160, 210, 30);
     EXPECT_THAT(message_of<std::invalid_argument>([&] { writer.write(plain_frame(84, 84, 0, 0, 0)); }),
                 HasSubstr("instead of 100800"));
+}
+
+TEST_F(Video, AColonInItsNameIsNoAddress) {
+    const test::WorkingFolder here(folder_);
+    VideoWriter film("12:30.mp4", 16, 16, 15, 1);
+    film.write(plain_frame(16, 16, 1, 2, 3));
+    EXPECT_NO_THROW(film.close());
 }
 
 TEST_F(Video, SaysThatTheDiskIsFullBeforeItBegins) {

@@ -5,12 +5,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
+#include <future>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -1232,6 +1235,9 @@ TEST(CaleProgram, ExportReplacesWhatItWroteAndNothingElse) {
     EXPECT_EQ(inside.code, 2);
     EXPECT_THAT(inside.text,
                 testing::HasSubstr("policy.safetensors lies in a checkpoint, which would then be damaged"));
+    folder.write("step_000000100/policy.safetensors", "");
+    std::filesystem::create_symlink("step_000000100/policy.safetensors", folder.path() / "link.safetensors");
+    EXPECT_EQ(cale_says(export_to + "link.safetensors", folder.path()).code, 2) << "it leads into one";
     folder.write("other.onnx", "pytorch: layer_norm.scale");
     EXPECT_EQ(cale_says("export mine.safetensors -o other.onnx", folder.path()).code, 2);
 }
@@ -1490,6 +1496,30 @@ TEST(CaleEmulator, FilmsAPolicyWhereThereIsNoDisplay) {
         cale_says(fmt::format("{} --video play_pong.mp4", words), folder.path()).text,
         "cale play: --video play_pong.mp4: there is such a file already; give another name, or delete it\n");
     EXPECT_EQ(folder.read("play_pong.mp4"), before);
+    std::filesystem::create_directory(folder.path() / "12:30");
+    const auto with_colons = cale_says(fmt::format("{} --video 12:30/film:1.mp4", words), folder.path());
+    EXPECT_EQ(with_colons.code, 0) << with_colons.text;
+    EXPECT_GT(std::filesystem::file_size(folder.path() / "12:30/film:1.mp4"), 0u);
+    EXPECT_EQ(cale_says("play --policy none --no-window --video new.mp4", folder.path()).code, 1);
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new.mp4")) << "nothing was filmed";
+}
+
+TEST(CaleEmulator, FilmsMadeAtOnceHaveNamesOfTheirOwn) {
+    const TemporaryFolder folder;
+    const auto play =
+        "play --policy " CALE_SOURCE_DIR
+        "/policies/road_runner_sac.safetensors --no-window --set env.max_frames_per_episode=120";
+    std::vector<std::future<Said>> films;
+    for (int i = 0; i < 3; ++i)
+        films.push_back(std::async(std::launch::async, [&] { return cale_says(play, folder.path()); }));
+    std::set<std::string> names;
+    for (auto& film : films) {
+        const auto said = film.get();
+        EXPECT_EQ(said.code, 0) << said.text;
+        names.insert(said.text.substr(std::min(said.text.find("play_road_runner"), said.text.size())));
+    }
+    EXPECT_THAT(names, testing::ElementsAre("play_road_runner.mp4\n", "play_road_runner_2.mp4\n",
+                                            "play_road_runner_3.mp4\n"));
 }
 
 TEST(ProgramSlow, EveryGameRunsUnderThe100kPreset) {

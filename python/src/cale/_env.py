@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import weakref
 from typing import TYPE_CHECKING, Any
 
@@ -69,9 +70,10 @@ class Env(gymnasium.Env):
                 raise ValueError(f"there is no option {name!r} of reset: there is new_game")
         if seed is None and not self._started:
             (seed,) = random_seeds(1)
+        seed = None if seed is None else operator.index(seed)
         super().reset(seed=seed)
         observation, arrays = self._new_arrays()
-        seeds = [None if seed is None else game_seed(int(seed))]
+        seeds = [None if seed is None else game_seed(seed)]
         self._core.reset(seeds, _ALL, bool((options or {}).get("new_game", False)), arrays.core)
         self._started = True
         return observation, self._info(arrays)

@@ -14,7 +14,7 @@ import numpy as np
 
 from cale import _core
 from cale._env import Env
-from cale._settings import rom_hint, text_of, texts_of
+from cale._settings import require_utf8, rom_hint, text_of, texts_of
 from cale._vector_env import VectorEnv
 
 _EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
@@ -28,8 +28,9 @@ class Policy:
     seed: of the actions that are drawn.
     """
 
-    def __init__(self, file: str | os.PathLike[str], *, seed: int = 0) -> None:
-        self._core = _core.Policy(os.fspath(file))
+    def __init__(self, file: str | bytes | os.PathLike[str], *, seed: int = 0) -> None:
+        file = require_utf8("file", os.fsdecode(file))
+        self._core = _core.Policy(file)
         self._core.seed(_seed(seed))
         self.file = Path(file)
         self.info: dict[str, Any] = self._core.info
@@ -79,6 +80,8 @@ class Policy:
             raise ValueError(f"{self.file} does not say which settings it was trained with")
         for name in ("rom_dir", "num_envs", "env_threads"):
             settings.pop(name, None)
+        if unknown := settings.keys() - {setting["name"] for setting in _core.settings()}:
+            raise ValueError(f"{self.file} is of a newer cale: this one does not know its setting {min(unknown)!r}")
         if not self.info["actions"]:
             settings["joystick"] = "polar"  # act() returns (r, theta, fire)
         return settings
@@ -194,11 +197,17 @@ def evaluate(policy: Policy | str | os.PathLike[str], games: int = 100, *, seed:
                       stacklevel=2)
     texts = texts_of({**policy.settings, "noop_max": noop_max, **changes, "terminal_on_life_loss": life_loss})
     drawn = policy.info["evaluation_samples"] if sampled is None else sampled
+    stop = _core.Stop()
     try:
         _core.require_playable(policy._core, texts)
         with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
-            results = list(pool.map(
-                lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number), range(games)))
+            try:
+                results = list(pool.map(
+                    lambda number: _core.play_game(policy._core, texts, epsilon, drawn, seed, number, stop), range(games)))
+            except BaseException:  # such as Ctrl-C
+                stop.request()
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
     except RuntimeError as error:
         raise rom_hint(error) from None
     returns, lengths, frames = (np.array(column) for column in zip(*results))

@@ -35,14 +35,23 @@ def text_of(name: str, value: Any) -> str:
     if value is None:
         return "none"
     if isinstance(value, os.PathLike):
-        return os.fspath(value)
+        return require_utf8(name, os.fspath(value))
     if isinstance(value, (str, int, float)):
-        return str(value)
+        return require_utf8(name, str(value))
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, (int, np.integer)) for part in value):
         return "-".join(str(part) for part in value)
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, str) for part in value):
         return ",".join(value)
     raise TypeError(f"{name} is a {type(value).__name__}, which is no value of a setting")
+
+
+def require_utf8(name: str, text: str) -> str:
+    """Returns the text. Refuses one that is not UTF-8, as a file's name may be."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{name} is {text!r}, which is not UTF-8") from None
+    return text
 
 
 def texts_of(values: Mapping[str, Any]) -> dict[str, str]:
@@ -62,7 +71,7 @@ def _roms_of_ale_py() -> str:
     if ale_py is None or ale_py.origin is None:
         return ""
     roms = Path(ale_py.origin).parent / "roms"
-    return str(roms) if any(roms.glob("*.bin")) else ""
+    return require_utf8("rom_dir", str(roms)) if any(roms.glob("*.bin")) else ""
 
 
 def rom_hint(error: RuntimeError) -> Exception:
