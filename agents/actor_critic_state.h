@@ -71,7 +71,7 @@ void fields(ActorCriticSettings& settings, Visit&& visit) {
     visit("alpha_learning_rate", settings.alpha_learning_rate, Range{0, 1},
           "alpha's own learning rate, 0: alpha stays as it is; none: learning_rate");
     visit("entropy_in_target", settings.entropy_in_target,
-          "whether the critics' target values the policy's entropy; off: the actor alone does");
+          "the critics' target has the policy's entropy bonus; off: only the actor's loss has it");
     visit("twin_estimate", settings.twin_estimate, "of two critics: their minimum, or their mean");
     visit("act_with_target", settings.act_with_target,
           "whether the target's actor chooses the actions instead of the one that learns");

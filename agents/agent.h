@@ -1,4 +1,15 @@
-// The interface between the training loop and an algorithm.
+// The interface between the training loop and an algorithm: the class Agent, and functions that a
+// configuration may have beside it. The training programs call these (agents/on_policy.h and
+// on_policy_memory.h have all of them):
+//   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
+//   not
+//                                          fit together or to this world. make_NAME() calls it too. Is called
+//                                          before there is a game: a discrete action_space may have any
+//                                          number of actions.
+//   schedule_over_run(config)              Returns the key of the setting by which a schedule lasts for the
+//                                          whole run, so that another train.total_steps changes it, or "".
+//   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many bytes
+//                                          once its replay or rollout is full.
 #pragma once
 
 #include <cstdint>
@@ -23,17 +34,6 @@ class ProcessGroup;
 class Replay;
 
 /// The world that an agent is made for.
-///
-/// Beside an agent's configuration there may be these functions, which the training programs call
-/// (agents/on_policy.h and on_policy_memory.h have all of them):
-///   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
-///                                          not fit together or to this world. make_NAME() calls it too. Is
-///                                          called before there is a game: a discrete action_space may have
-///                                          any number of actions.
-///   schedule_over_run(config)              Returns the key of the setting by which a schedule lasts for the
-///                                          whole run, so that another train.total_steps changes it, or "".
-///   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many
-///                                          bytes once its replay or rollout is full.
 struct AgentSpec {
     std::int64_t num_envs = 1;                    // of this process
     ActionSpace action_space = joystick_space();  // of the world
@@ -76,14 +76,14 @@ struct AgentPolicy {
 /// (networks/policy_weights.h).
 AgentPolicy policy_of(const NetworkSpec& acting, const torch::nn::Module& network, bool samples,
                       double epsilon);
-/// The same of a network with a member `acting`, such as SacNetwork.
+/// Returns the policy of a network with a member `acting`, such as SacNetwork.
 template <class Network>
 AgentPolicy policy_of(const Network& network, bool samples, double epsilon) {
     return policy_of(network->acting, *network, samples, epsilon);
 }
 
-/// A number of an agent is not finite: trained again from the newest checkpoint it would be the same on a
-/// CPU.
+/// A number of an agent is not finite. Training from the newest checkpoint would fail in the same way again
+/// (on a CPU).
 struct Diverged : std::runtime_error {
     using std::runtime_error::runtime_error;
 };

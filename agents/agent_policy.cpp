@@ -1,3 +1,4 @@
+// Apart from agent.cpp, so that who reads an agent's losses need not read how a policy is exported.
 #include "agents/agent.h"
 #include "networks/policy_weights.h"
 

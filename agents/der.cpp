@@ -29,9 +29,14 @@ torch::Tensor support_of(const DerConfig& config, const torch::TensorOptions& op
                                  : torch::Tensor();
 }
 
+/// The mean [...] of distributions, by their logits [..., atoms].
+torch::Tensor expected_return(const torch::Tensor& logits, const torch::Tensor& support) {
+    return (logits.softmax(-1) * support).sum(-1);
+}
+
 /// Action values [B, A] of a network's output [B, A, atoms].
 torch::Tensor action_values(const torch::Tensor& output, const torch::Tensor& support) {
-    return support.defined() ? (output.softmax(2) * support).sum(2) : output.squeeze(2);
+    return support.defined() ? expected_return(output, support) : output.squeeze(2);
 }
 
 /// The outputs [B, atoms] of the actions [B] in [B, A, atoms].
@@ -66,7 +71,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
     }
     const auto per_transition = config.distributional ? cross_entropy(expected, predicted)
                                                       : (predicted - expected).square().squeeze(1);
-    const auto q = config.distributional ? (predicted.softmax(1) * support).sum(1) : predicted.squeeze(1);
+    const auto q = config.distributional ? expected_return(predicted, support) : predicted.squeeze(1);
     return {.loss = (loss_weights.to(type) * per_transition).mean(),
             .per_transition = per_transition.detach(),
             .priorities = (per_transition.detach() + kTiny).pow(config.priority_exponent),
@@ -108,8 +113,8 @@ struct Der : QState {
         const auto output = network(observations, noisy ? &noise : nullptr);
         const auto values = action_values(output, support_of(config, output.options()));
         require_finite(values, "an action's value");
-        return epsilon_greedy(values.argmax(1).cpu(), context.epsilon, network->acting.head.num_actions,
-                              context.random);
+        return epsilon_greedy(values.argmax(1).cpu(), context.epsilon.value_or(0),
+                              network->acting.head.num_actions, context.random);
     }
 
     DerLosses learn(const Batch& batch, const at::Generator& random) {

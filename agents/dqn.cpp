@@ -52,13 +52,14 @@ struct Dqn : QState {
     Dqn(const DqnConfig& settings, const AgentSpec& spec) : QState(settings, spec), config(settings) {}
 
     torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
+        const double epsilon = context.epsilon.value_or(0);
         auto greedy = torch::zeros({observations.size(0)}, torch::kInt64);
-        if (context.epsilon < 1) {
+        if (epsilon < 1) {
             const auto values = network(observations).squeeze(2);
             require_finite(values, "an action's value");
             greedy = values.argmax(1).cpu();
         }
-        return epsilon_greedy(greedy, context.epsilon, network->acting.head.num_actions, context.random);
+        return epsilon_greedy(greedy, epsilon, network->acting.head.num_actions, context.random);
     }
 
     DqnLosses learn(const Batch& batch, const at::Generator&) { return dqn_update(*this, batch, config); }

@@ -169,9 +169,11 @@ bool is_prioritised(const Config& config) {
 
 /// The context in which an algorithm acts.
 struct ActContext {
-    bool training;       // with exploration; else as evaluations act
-    double epsilon;      // of a uniform action: 1 during the warm-up; 0 where the algorithm's noise explores
-    bool draws_epsilon;  // false: agents with a policy draw no number for epsilon; those of values always do
+    bool training;  // with exploration; else as evaluations act
+    bool uniform;   // in training every action is uniform: in the warm-up, or where epsilon is 1
+    /// Probability of a uniform action. None where the policy explores, or evaluations have none: agents with
+    /// a policy draw no number for it, those of values draw for 0.
+    std::optional<double> epsilon;
     at::Generator random;  // of training or of evaluation, on the CPU
 };
 
@@ -201,18 +203,27 @@ struct ActContext {
 /// update_period is one update: 1 / update_period per agent step, as with N = 1.
 template <class Algorithm>
 class OffPolicy final : public Agent {
+    using Config = typename Algorithm::Config;
+    using Losses = typename Algorithm::Losses;
+    // What an algorithm may have.
+    static constexpr bool kChoosesExploration = requires(const Config& config) { config.exploration; };
+    static constexpr bool kHasOwnEpsilon = requires(Algorithm & own) { own.epsilon(1.0, true); };
+    static constexpr bool kCopiesToTarget = requires(Algorithm & own) { own.copy_to_target(); };
+    static constexpr bool kDelaysActor = requires(const Config& config) { config.actor_period; };
+    static constexpr bool kGivesPriorities = requires(const Losses& losses) { losses.priorities; };
+    static constexpr bool kChoosesActingNetwork = requires(const Algorithm& own) { own.acting_network(); };
+    static constexpr bool kNetworkActs = requires(const Algorithm& own) { own.network->acting; };
     static_assert(
-        !requires(const typename Algorithm::Config& config) { config.prioritised; } ||
-            requires(const typename Algorithm::Losses& losses) { losses.priorities; },
+        !requires(const Config& config) { config.prioritised; } || kGivesPriorities,
         "config.prioritised needs Losses::priorities");
     static_assert(
-        !requires(const typename Algorithm::Config& config) { config.target_update_period; } ||
-            requires(Algorithm & algorithm) { algorithm.copy_to_target(); },
+        !requires(const Config& config) { config.target_update_period; } || kCopiesToTarget,
         "config.target_update_period needs copy_to_target()");
+    static_assert(!kDelaysActor || !kGivesPriorities, "a step without the actor gives no priorities");
 
   public:
     /// Throws as the algorithm and AgentReplay do.
-    OffPolicy(const typename Algorithm::Config& config, const AgentSpec& spec)
+    OffPolicy(const Config& config, const AgentSpec& spec)
         : spec_(spec),
           algorithm_(config, spec),
           replay_(config.replay, spec, is_prioritised(config)),
@@ -223,12 +234,11 @@ class OffPolicy final : public Agent {
     torch::Tensor act(const torch::Tensor& observations, ActMode mode) override {
         const torch::NoGradGuard no_grad;
         const bool training = mode == ActMode::train;
-        const double epsilon =
-            training ? exploration_epsilon().value_or(replay_.ready() ? 0.0 : 1.0) : evaluation_epsilon();
+        const auto epsilon = training ? exploration_epsilon() : evaluation_epsilon();
         return algorithm_.act(observations.to(spec_.device),
                               {.training = training,
+                               .uniform = training && (epsilon ? *epsilon >= 1 : !replay_.ready()),
                                .epsilon = epsilon,
-                               .draws_epsilon = !policy_explores() && (training || epsilon > 0),
                                .random = training ? random_.acting : random_.evaluation});
     }
 
@@ -240,7 +250,7 @@ class OffPolicy final : public Agent {
         if (!replay_.ready()) return false;
         const auto gradient_steps = replay_.due(config.replay.update_period) * config.replay.gradient_steps;
         for (std::int64_t i = 0; i < gradient_steps; ++i) learn();
-        if constexpr (requires { algorithm_.copy_to_target(); })
+        if constexpr (kCopiesToTarget)
             if (replay_.due(config.target_update_period) > 0) algorithm_.copy_to_target();
         return gradient_steps > 0;
     }
@@ -251,9 +261,10 @@ class OffPolicy final : public Agent {
         auto values = newest_ ? algorithm_.metrics(*newest_) : std::map<std::string, double>{};
         // Critics that diverge in a step without the actor must not go into a checkpoint that is written
         // before the next decision.
-        if (const double loss = critics_loss_.defined() ? critics_loss_.item<double>() : 0;
-            !std::isfinite(loss))
-            values["losses/qf_loss"] = loss;
+        if (critics_loss_.defined()) {
+            const auto loss = critics_loss_.item<double>();
+            if (!std::isfinite(loss)) values["losses/qf_loss"] = loss;
+        }
         values["charts/learning_rate"] = algorithm_.config.learning_rate;
         if (const auto epsilon = exploration_epsilon()) values["charts/epsilon"] = *epsilon;
         return values;
@@ -268,11 +279,11 @@ class OffPolicy final : public Agent {
         critics_step_.forget();
     }
     std::optional<AgentPolicy> policy() const override {
-        if constexpr (requires { algorithm_.acting_network(); })
-            return policy_of(algorithm_.acting_network(), algorithm_.config.sampled_evaluation,
-                             evaluation_epsilon());
-        else if constexpr (requires { algorithm_.network->acting; })
-            return policy_of(algorithm_.network, is_noisy(algorithm_.network->acting), evaluation_epsilon());
+        const double epsilon = evaluation_epsilon().value_or(0);
+        if constexpr (kChoosesActingNetwork)
+            return policy_of(algorithm_.acting_network(), algorithm_.config.sampled_evaluation, epsilon);
+        else if constexpr (kNetworkActs)
+            return policy_of(algorithm_.network, is_noisy(algorithm_.network->acting), epsilon);
         return std::nullopt;
     }
     Replay* replay() override { return &replay_.buffer(); }
@@ -281,8 +292,7 @@ class OffPolicy final : public Agent {
     /// Whether actions in training are drawn from the policy, without epsilon. Not by noisy weights: there
     /// epsilon is 0.
     bool policy_explores() const {
-        if constexpr (requires { algorithm_.config.exploration; })
-            return algorithm_.config.exploration == Exploration::standard;
+        if constexpr (kChoosesExploration) return algorithm_.config.exploration == Exploration::standard;
         return false;
     }
 
@@ -290,13 +300,14 @@ class OffPolicy final : public Agent {
     std::optional<double> exploration_epsilon() const {
         if (policy_explores()) return std::nullopt;
         const double scheduled = replay_.epsilon(algorithm_.config.epsilon);
-        if constexpr (requires { algorithm_.epsilon(scheduled, true); })
-            return algorithm_.epsilon(scheduled, replay_.warms_up());
+        if constexpr (kHasOwnEpsilon) return algorithm_.epsilon(scheduled, replay_.warms_up());
         return scheduled;
     }
 
-    double evaluation_epsilon() const {
-        return policy_explores() ? 0 : algorithm_.config.epsilon.epsilon_eval;
+    /// None where the policy explores, and where it is 0.
+    std::optional<double> evaluation_epsilon() const {
+        const double epsilon = algorithm_.config.epsilon.epsilon_eval;
+        return policy_explores() || epsilon == 0 ? std::nullopt : std::optional(epsilon);
     }
 
     /// The batch as an algorithm sees it.
@@ -308,9 +319,7 @@ class OffPolicy final : public Agent {
     void learn() {
         const Batch batch = replay_.sample();
         ++gradient_steps_;
-        if constexpr (requires { algorithm_.config.actor_period; }) {
-            static_assert(
-                !requires { newest_->priorities; }, "a step without the actor gives no priorities");
+        if constexpr (kDelaysActor) {
             if (gradient_steps_ % algorithm_.config.actor_period != 0) {
                 critics_step_([&] {
                     critics_loss_ =
@@ -320,7 +329,7 @@ class OffPolicy final : public Agent {
             }
         }
         gradient_step_([&] { newest_ = algorithm_.learn(augmented(batch), random_.updates); });
-        if constexpr (requires { newest_->priorities; })
+        if constexpr (kGivesPriorities)
             if (is_prioritised(algorithm_.config)) replay_.set_priorities(batch, newest_->priorities);
     }
 
@@ -329,7 +338,7 @@ class OffPolicy final : public Agent {
         algorithm_.add_state(parts);
         random_.add_state(parts);
         replay_.add_state(parts);
-        if constexpr (requires { algorithm_.config.actor_period; })
+        if constexpr (kDelaysActor)
             if (algorithm_.config.actor_period > 1) parts.counters["gradient_steps"] = &gradient_steps_;
         return parts;
     }
@@ -338,10 +347,10 @@ class OffPolicy final : public Agent {
     Algorithm algorithm_;
     AgentReplay replay_;
     RandomStreams random_;
-    CapturedUpdate gradient_step_, critics_step_;       // all losses; the critics', between the actor's
-    std::int64_t gradient_steps_ = 0;                   // saved where the actor is delayed
-    std::optional<typename Algorithm::Losses> newest_;  // of the newest gradient step with the actor
-    torch::Tensor critics_loss_;  // [] of the newest one without, where the actor is delayed
+    CapturedUpdate gradient_step_, critics_step_;  // all losses; the critics', between the actor's
+    std::int64_t gradient_steps_ = 0;              // saved where the actor is delayed
+    std::optional<Losses> newest_;                 // of the newest gradient step with the actor
+    torch::Tensor critics_loss_;                   // [] of the newest one without, where the actor is delayed
 };
 
 /// Returns the agent for `Algorithm`. Throws as check_settings() and its constructor do.

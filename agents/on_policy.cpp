@@ -61,12 +61,10 @@ OnPolicyState::OnPolicyState(PpoNetwork new_network, std::int64_t annealing_step
       max_gradient_norm(settings.max_gradient_norm),
       annealed_over(annealing_steps) {}
 
-void OnPolicyState::anneal() {
-    if (annealed_over > 0) {
-        const auto part = static_cast<double>(gradient_steps) / static_cast<double>(annealed_over);
-        adam.set_learning_rate(learning_rate * std::max(0.0, 1 - part));
-    }
-    ++gradient_steps;
+void OnPolicyState::anneal(std::int64_t gradient_step) {
+    if (annealed_over == 0) return;
+    const auto part = static_cast<double>(gradient_step) / static_cast<double>(annealed_over);
+    adam.set_learning_rate(learning_rate * std::max(0.0, 1 - part));
 }
 
 void OnPolicyState::step(torch::Tensor& loss, const ProcessGroup* processes) {
@@ -203,10 +201,7 @@ class OnPolicy final : public Agent {
         auto repeated_frame = repeated_frame_;
         if (repeats()) repeated_frame.restore(part_of(state, "repeated_frame/"));
         restore(parts(), state);
-        if (state_.gradient_steps > 0) {  // the learning rate is that of the newest gradient step again
-            --state_.gradient_steps;
-            state_.anneal();
-        }
+        state_.anneal(std::max<std::int64_t>(state_.gradient_steps - 1, 0));  // as of the newest step
         rollout_ = std::move(rollout);
         repeated_frame_ = std::move(repeated_frame);
         newest_ = {{"charts/learning_rate", state_.adam.learning_rate()}};
@@ -314,18 +309,16 @@ class OnPolicy final : public Agent {
                 settings_.minibatches == Minibatches::contiguous ? contiguous : shuffled_rows();
             for (const auto& rows : minibatches.to(spec_.device).unbind()) {
                 choose(whole, share_.own_rows(rows));
-                state_.anneal();
-                gradient_step_([&] { take_gradient_step(); });
+                state_.anneal(state_.gradient_steps++);
+                gradient_step_([&] {
+                    newest_losses_ = losses_(state_.network, normalized(minibatch_, &processes_));
+                    state_.step(newest_losses_.front(), &processes_);
+                });
                 sums += torch::stack(newest_losses_);
             }
         }
         processes_.sum({sums});
         return figures(sums / (settings_.epochs * contiguous.size(0)), whole);
-    }
-
-    void take_gradient_step() {
-        newest_losses_ = losses_(state_.network, normalized(minibatch_, &processes_));
-        state_.step(newest_losses_.front(), &processes_);
     }
 
     /// Copies these rows to minibatch_, which stays in its place in memory while their number does.

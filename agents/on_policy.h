@@ -118,8 +118,8 @@ struct OnPolicyState {
     /// `annealed_over`: gradient steps in which the learning rate falls to 0; 0: it is constant.
     OnPolicyState(PpoNetwork network, std::int64_t annealed_over, const OnPolicySettings& settings);
 
-    /// Counts a gradient step and sets its learning rate.
-    void anneal();
+    /// Sets the learning rate of a gradient step, which is numbered from 0.
+    void anneal(std::int64_t gradient_step);
     /// Makes one gradient step on `loss` [] and detaches it. With several processes, steps along the sum of
     /// their gradients.
     void step(torch::Tensor& loss, const ProcessGroup* processes = nullptr);
@@ -141,12 +141,12 @@ using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, con
 /// State: network/<parameter>, adam/..., training_steps, gradient_steps, random/..., rollout/...,
 /// repeated_frame/..., and with AgentSpec::overlap acting/<parameter>.
 /// With AgentSpec::overlap it learns from a rollout on a thread of its own while the next one is filled, and
-/// acts meanwhile with the parameters from before. Of the actions the old log-probability is that of the
-/// newest policy, and the importance is its probability over that of the policy that acted (the decoupled
-/// objective of Hilton et al. 2022, "Batch size-invariance for policy optimization"). What it computes does
-/// not depend on how long either takes. Several processes together are equivalent to one with all their
-/// environments: all draw the same random numbers, each uses those of its environments, and every process
-/// applies the sum of the gradients. Throws as check_settings() does.
+/// acts meanwhile with the parameters from before. An action's old log-probability is then the newest
+/// policy's, and its importance the ratio of that policy's probability to the probability under the policy
+/// that acted (the decoupled objective of Hilton et al. 2022, "Batch size-invariance for policy
+/// optimization"). What it computes does not depend on how long either takes. Several processes together are
+/// equivalent to one with all their environments: all draw the same random numbers, each uses those of its
+/// environments, and every process applies the sum of the gradients. Throws as check_settings() does.
 std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSpec& spec,
                                  OnPolicyLosses losses, const std::vector<std::string>& names);
 

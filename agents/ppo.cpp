@@ -53,7 +53,7 @@ PpoLosses ppo_losses(PpoNetwork& network, const RolloutBatch& minibatch, const P
 }
 
 PpoLosses ppo_update(OnPolicyState& state, const RolloutBatch& minibatch, const PpoConfig& config) {
-    state.anneal();
+    state.anneal(state.gradient_steps++);
     auto losses = ppo_losses(state.network, normalized(minibatch), config);
     state.step(losses.combined);
     return losses;

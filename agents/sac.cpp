@@ -97,16 +97,15 @@ struct Sac : ActorCriticState<SacNetwork> {
 
     torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
         const auto count = observations.size(0), axes = random_box.centre.size(0);
-        if (context.training && context.epsilon >= 1)
-            return uniform_actions(random_box, count, context.random);  // warm-up
+        if (context.uniform) return uniform_actions(random_box, count, context.random);
         const bool draws = context.training || config.sampled_evaluation;
         const auto noise = draws ? torch::randn({count, axes}, context.random) : torch::Tensor();
         const auto policy = acting_network()->policy(acting_network()->encoder->trunk(observations));
         const auto actions = draws ? sample(policy, noise.to(observations.device()), network->box).action
                                    : mean_action(policy, network->box);
         require_finite(actions);
-        if (!context.draws_epsilon) return actions.cpu();
-        return epsilon_greedy(actions.cpu(), context.epsilon,
+        if (!context.epsilon) return actions.cpu();
+        return epsilon_greedy(actions.cpu(), *context.epsilon,
                               context.training ? random_box : action_box(space), context.random);
     }
 

@@ -93,7 +93,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
           target_entropy(settings.target_entropy_scale * std::log(static_cast<double>(num_actions))) {}
 
     torch::Tensor act(const torch::Tensor& observations, const ActContext& context) {
-        if (context.training && context.epsilon >= 1)  // warm-up
+        if (context.uniform)
             return torch::randint(0, num_actions, {observations.size(0)}, context.random, torch::kInt64);
         const auto log_pi = acting_network()->log_policy(acting_network()->encoder->trunk(observations));
         require_finite(log_pi);
@@ -101,8 +101,8 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             context.training || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, context.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
-        if (!context.draws_epsilon) return actions;
-        return epsilon_greedy(actions, context.epsilon, num_actions, context.random);
+        if (!context.epsilon) return actions;
+        return epsilon_greedy(actions, *context.epsilon, num_actions, context.random);
     }
 
     SacdLosses learn(const Batch& batch, const at::Generator&, bool with_actor = true) {

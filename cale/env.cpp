@@ -230,9 +230,20 @@ EnvConfig protocol_atari100k(std::string game) {
     return config;
 }
 
+namespace {
+
+const EnvConfig& checked(const EnvConfig& config) {
+    check_ranges(config);
+    only_game(config);
+    check_together(config);
+    return config;
+}
+
+}  // namespace
+
 struct Env::Impl {
     Impl(const EnvConfig& env_config, std::uint32_t seed)
-        : config((check_ranges(env_config), only_game(env_config), check_together(env_config), env_config)),
+        : config(checked(env_config)),
           observation_size(static_cast<std::size_t>(observation_space(config).frame_size())),
           emulator(only_game(config), find_rom(config.game, config.rom_dir),
                    places_paddle() ? 0.0F : static_cast<float>(config.sticky_probability), seed,
@@ -254,7 +265,8 @@ struct Env::Impl {
     }
 
     void start_game() {
-        // Of no discrete action the joystick is pressed, as in a no-op; the middle is an event of some maps.
+        // Until the first action nothing is pressed. With numbered actions that is NOOP, and not the stick's
+        // centre, of which env.event_map ale_0_10 makes another event.
         held = actions.empty() ? FrameAction(ContinuousAction{}) : FrameAction(Event::noop);
         seen_paddle = Push{.paddle = kMiddle};
         emulator.reset();
@@ -355,7 +367,7 @@ struct Env::Impl {
     }
 
     /// The same with the stick on its way.
-    StepResult advance(const ContinuousAction& command) {
+    StepResult advance_moving(const ContinuousAction& command) {
         moving_stick->command(command, motion_generator);
         return advance([this] {
             moving_stick->advance();
@@ -364,7 +376,7 @@ struct Env::Impl {
     }
 
     /// The same with an action that may change in every frame.
-    StepResult advance(const std::function<std::optional<FrameAction>()>& next_action) {
+    StepResult advance_live(const std::function<std::optional<FrameAction>()>& next_action) {
         record = {};
         return advance([&] {
             if (const auto action = next_action()) {
@@ -444,7 +456,7 @@ struct Env::Impl {
         const std::uint64_t noops = (noop_generator() * choices) >> 32;
         for (std::uint64_t i = 0; i < noops; ++i) {
             if (moving_stick) {
-                advance(ContinuousAction{});
+                advance_moving(ContinuousAction{});
             } else {
                 // Nothing is pressed, whatever env.event_map makes of a stick in its centre.
                 advance([this] { return places_paddle() ? push_of(ContinuousAction{}) : Push{}; });
@@ -456,7 +468,7 @@ struct Env::Impl {
     StepResult step(const ContinuousAction& action) {
         held = action;
         if (!records_commands()) return step(push_of(action));
-        const auto result = moving_stick ? advance(action) : advance([&] { return push_of(action); });
+        const auto result = moving_stick ? advance_moving(action) : advance([&] { return push_of(action); });
         record.commands.push_back(action);
         return result;
     }
@@ -561,7 +573,7 @@ StepResult Env::step(std::int64_t action, std::span<std::uint8_t> observation) {
 StepResult Env::step(const std::function<std::optional<FrameAction>()>& next_action,
                      std::span<std::uint8_t> observation) {
     impl_->require_room(observation);
-    const auto result = impl_->advance(next_action);
+    const auto result = impl_->advance_live(next_action);
     impl_->observe(observation, result);
     return result;
 }

@@ -27,7 +27,7 @@ FrameClock console_clock();
 /// to those of the one that it returns. A lost life that counts, or a game's end, is never passed over; the
 /// next game begins without a pause, at rest.
 ///
-/// Nothing can be repeated: record() is empty, and after reset() and resume() the first step() cuts the game
+/// Nothing can be repeated: record() is empty, and after resume() the first step() cuts the game
 /// off that the caller saw, and a new one begins.
 class RealTimeGame final : public World {
   public:

@@ -76,8 +76,9 @@ struct EvaluationPlan {
     /// Called after each game, in the order in which they end.
     std::function<void(std::int64_t number, const EvaluatedGame&)> ended{};
     std::function<void(std::int64_t steps)> stepped{};  // called after so many agent steps, of all games
-    /// Asked before each step. Where it says true, the evaluation ends with the games before the first that
-    /// has not ended: of games under way at a time the short ones end first.
+    /// Asked before each step. If it returns true, the evaluation ends, with the games before the first
+    /// unfinished one: games that are under way together end in the order of their lengths, and the short
+    /// ones alone would bias the mean.
     std::function<bool()> stop{};
 };
 

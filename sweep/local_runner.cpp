@@ -64,7 +64,7 @@ struct Job {
     bool waits = false;     // for another process
     bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
     // How the settings that its program read differ from the planned ones; none: not known yet.
-    std::optional<std::string> refusal{};
+    std::optional<std::string> mismatch{};
     std::size_t slot = 0;
 };
 
@@ -171,7 +171,7 @@ class LocalRunner {
         free_slots_.pop_back();
         job.listened = false;
         // Of a run that is resumed they were compared above, and are by the program.
-        job.refusal = checkpoint ? std::optional<std::string>("") : std::nullopt;
+        job.mismatch = checkpoint ? std::optional<std::string>("") : std::nullopt;
         job.slot = slot;
         job.started = Clock::now();
         job.started_at = checkpoint.value_or(0);
@@ -191,15 +191,15 @@ class LocalRunner {
     /// A program reads its configuration's files when it starts, hours after the sweep may have read them.
     /// Returns how the settings that it read differ from the planned ones; nothing where they do not, or are
     /// not known yet.
-    static std::string refusal_of(Job& job) {
-        if (!job.refusal) job.refusal = started_otherwise(*job.planned, job.folder);
-        return job.refusal.value_or("");
+    static std::string mismatch_of(Job& job) {
+        if (!job.mismatch) job.mismatch = started_otherwise(*job.planned, job.folder);
+        return job.mismatch.value_or("");
     }
 
     void reap() {
         std::vector<std::pair<Job*, ChildEnd>> ended;
         for (Job* job : active_) {
-            if (!refusal_of(*job).empty()) ::kill(job->process, SIGKILL);  // it has only begun
+            if (!mismatch_of(*job).empty()) ::kill(job->process, SIGKILL);  // it has only begun
             job->listened = job->listened || catches(job->process, SIGTERM);
             if (const auto end = poll_child(job->process)) ended.emplace_back(job, *end);
         }
@@ -212,7 +212,7 @@ class LocalRunner {
 
     void record_end(Job& job, const ChildEnd& end) {
         job.status = status_of(job.folder, job.planned->end);
-        if (const auto reason = refusal_of(job); !reason.empty()) return refuse(job, reason);
+        if (const auto reason = mismatch_of(job); !reason.empty()) return refuse(job, reason);
         if (end.exit_code == kDone) {
             job.status.state = RunPhase::finished;
             const auto seconds = std::chrono::duration<double>(Clock::now() - job.started).count();

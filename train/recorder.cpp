@@ -259,10 +259,11 @@ bool Recorder::has_its_last_evaluation() const {
 Outcome Recorder::finish() {
     const bool complete = state_.step >= settings_.train.total_steps;
     const bool evaluated = has_its_last_evaluation();
-    // Of what is played anew the checkpoint must not hold the score: a run that is cut off there plays it.
-    const bool anew = complete && !evaluated && state_.score && state_.score->evaluated;
-    if (anew) state_.score.reset();
-    if (written_step_ != state_.step || anew) {
+    // An evaluation may be there already and be played again. Until it is, no checkpoint may hold its score:
+    // a run that was killed in between would take it for played.
+    const bool replays_evaluation = complete && !evaluated && state_.score && state_.score->evaluated;
+    if (replays_evaluation) state_.score.reset();
+    if (written_step_ != state_.step || replays_evaluation) {
         if (complete) {
             write_scheduled_checkpoint();
         } else {
@@ -272,7 +273,7 @@ Outcome Recorder::finish() {
     write_last_row();
     draw_curve();
     if (files_) files_->checkpoints.finish();
-    if (!complete || (!evaluated && !run_last_evaluation(anew))) {
+    if (!complete || (!evaluated && !run_last_evaluation(replays_evaluation))) {
         const bool paused = !complete && reached_pause() && !stop_requested();
         if (files_)
             files_->console.message(fmt::format("{} at agent step {}; resume with {}",
@@ -470,15 +471,15 @@ bool Recorder::run_evaluation() {
 }
 
 /// The evaluation at the end, behind the last checkpoint, which is written once more with its score and what
-/// it drew. `anew`: it was played before, and what it drew then stays. Returns false where a signal has cut
-/// it off.
-bool Recorder::run_last_evaluation(bool anew) {
-    // A longer run's agent must not know of one that it does not have.
+/// it drew. `replays_evaluation`: it was played before, and what it drew then stays. Returns false where a
+/// signal has cut it off.
+bool Recorder::run_last_evaluation(bool replays_evaluation) {
+    // A longer run would have no evaluation here where none is due: what it draws must not change the agent.
     const bool due = last_evaluation_due();
-    const bool forgets = anew || (!due && evaluations_decide());
-    const auto agent_before = forgets ? agent_.state() : TensorMap();
+    const bool restores_agent = replays_evaluation || (!due && evaluations_decide());
+    const auto agent_before = restores_agent ? agent_.state() : TensorMap();
     if (!run_evaluation()) return false;
-    if (forgets && files_) agent_.load_state(agent_before);  // the other processes have played nothing
+    if (restores_agent && files_) agent_.load_state(agent_before);  // the other processes have played nothing
     state_.evaluation_due = false;
     if (due || evaluations_decide()) write_checkpoint();
     return true;

@@ -58,7 +58,7 @@ class Recorder {
     bool run_evaluation();
     bool last_evaluation_due() const;
     bool has_its_last_evaluation() const;
-    bool run_last_evaluation(bool anew);
+    bool run_last_evaluation(bool replays_evaluation);
     void update_metrics();
     std::string closing_line() const;
     void draw_curve() const;

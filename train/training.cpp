@@ -59,23 +59,24 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
     Recorder recorder(agent, collector, state, world, settings, options, resumed ? &*resumed : nullptr);
     auto& time = recorder.time;
 
+    // With overlap the environments step on another thread during the update, so that actions are chosen with
+    // the parameters from before the newest one. In real time the game runs by itself: after the update there
+    // may be a newer observation.
+    const bool late_update = (config.overlap || config.realtime) && !options.learns_beside;
+    const auto step_when =
+        late_update && !config.realtime ? std::launch::async : std::launch::deferred;  // deferred: in get()
+
     recorder.begin();
     std::vector<Episode> ended;
     while (state.step < config.total_steps && !recorder.stop()) {
         const auto before = state.step;
-        const bool late_update = (config.overlap || config.realtime) && !options.learns_beside;
         if (!late_update) update(agent, collector, recorder);
         const auto actions = act(agent, collector, time);
         if (config.realtime) collector.announce(actions);
-        // With overlap the environments step on another thread while the agent learns, unless it learns
-        // beside them by itself; so it acts with the parameters from before its newest update. Of their time
-        // only the wait counts. In real time the game runs by itself: after the update there may be something
-        // newer to see than one step later.
-        auto step = std::async(late_update && !config.realtime ? std::launch::async : std::launch::deferred,
-                               [&] { collector.step(actions); });
+        auto step = std::async(step_when, [&] { collector.step(actions); });
         if (late_update) update(agent, collector, recorder);
         {
-            const Timed timed(time.environment);
+            const Timed timed(time.environment);  // with overlap the wait alone
             step.get();
         }
         {

@@ -38,7 +38,7 @@ struct PatchDqn {
 
     torch::Tensor act(const torch::Tensor& observations, const cale::ActContext& context) {
         const auto greedy = network(observations).argmax(1).cpu();
-        return cale::epsilon_greedy(greedy, context.epsilon, num_actions, context.random);
+        return cale::epsilon_greedy(greedy, context.epsilon.value_or(0), num_actions, context.random);
     }
 
     Losses learn(const cale::Batch& batch, const at::Generator&) {

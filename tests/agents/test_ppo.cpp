@@ -324,6 +324,7 @@ TEST(Ppo, TheLearningRateReachesZeroAtTheEndOfTheRun) {
         auto spec = joystick_world(num_envs);
         spec.total_steps = 24;  // three rollouts of four gradient steps
         const auto agent = make_ppo(small_ppo(), spec);
+        const auto initial = agent->state();
         drive(*agent, spec, 0, 24 / num_envs);
         agent->update(NoiseStep(spec, 24).observations);
         EXPECT_EQ(gradient_steps_of(*agent), 12);
@@ -337,6 +338,8 @@ TEST(Ppo, TheLearningRateReachesZeroAtTheEndOfTheRun) {
             if (!name.starts_with("network/")) continue;
             EXPECT_TRUE(torch::equal(tensor, after.at(name))) << name;
         }
+        agent->load_state(initial);
+        EXPECT_DOUBLE_EQ(agent->metrics().at("charts/learning_rate"), 2.5e-4) << "the start's again";
     }
 }
 
