@@ -17,6 +17,7 @@ AGENTS = {
     "sac__config=ram100k_plus__critic_atoms=1": "SAC plus with critics of the mean",
     "sac__config=ram100k_plus__paddle=absolute": "SAC plus on an absolute paddle",
     "der__config=ram100k_joystick": "joystick Rainbow",
+    "der__config=ram100k_joystick__random_warmup=false": "joystick Rainbow without a random warm-up",
     "sac__config=atari100k__encoder=mlp": "the paper's SAC",
     "sac__config=atari100k_plus": "SAC plus",
     "sac__config=atari100k_plus__critic_atoms=1": "SAC plus with critics of the mean",
