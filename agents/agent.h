@@ -2,14 +2,13 @@
 // configuration may have beside it. The training programs call these (agents/on_policy.h and
 // on_policy_memory.h have all of them):
 //   check_settings(config, spec)           Throws std::invalid_argument, in one sentence, where settings do
-//   not
-//                                          fit together or to this world. make_NAME() calls it too. Is called
-//                                          before there is a game: a discrete action_space may have any
-//                                          number of actions.
+//                                          not fit together or to this world. make_NAME() calls it too. Is
+//                                          called before there is a game: a discrete action_space may have
+//                                          any number of actions.
 //   schedule_over_run(config)              Returns the key of the setting by which a schedule lasts for the
 //                                          whole run, so that another train.total_steps changes it, or "".
-//   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many bytes
-//                                          once its replay or rollout is full.
+//   check_memory(config, spec, available)  Throws std::runtime_error unless the agent fits into so many
+//                                          bytes once its replay or rollout is full.
 #pragma once
 
 #include <cstdint>

@@ -148,7 +148,8 @@ torch::Tensor n_step_target(const Batch& batch, const torch::Tensor& next_value,
 /// Throws std::invalid_argument where observations that are no images are to be shifted.
 void check_random_shift(const ReplaySettings& settings, const AgentSpec& spec);
 
-/// See AgentSpec. Throws std::invalid_argument for a world with the wrong kind of actions or of observations.
+/// See agents/agent.h. Throws std::invalid_argument for a world with the wrong kind of actions or of
+/// observations.
 template <class Config>
 requires requires {
     Config::kName;

@@ -20,9 +20,9 @@ std::int64_t projection_bytes(const Config& config) {
     return 4 * config.replay.batch_size * atoms * atoms;
 }
 
-/// See AgentSpec: of every agent with a replay whose make_network(config, spec, generator) has an `acting`
-/// half. Names what is too large and the settings to lower: Config::kSizeSettings, the batch's or the
-/// replay's.
+/// See agents/agent.h: of every agent with a replay whose make_network(config, spec, generator) has an
+/// `acting` half. Names what is too large and the settings to lower: Config::kSizeSettings, the batch's or
+/// the replay's.
 template <class Config>
 requires requires(const Config& config) {
     config.replay;

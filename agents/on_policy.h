@@ -150,11 +150,11 @@ using OnPolicyLosses = std::function<std::vector<torch::Tensor>(PpoNetwork&, con
 std::unique_ptr<Agent> on_policy(const OnPolicySettings& settings, const AgentSpec& spec,
                                  OnPolicyLosses losses, const std::vector<std::string>& names);
 
-/// See AgentSpec. Throws std::invalid_argument where rollout_steps is no multiple of the number of
+/// See agents/agent.h. Throws std::invalid_argument where rollout_steps is no multiple of the number of
 /// environments, of all processes, or of minibatch_size; for several environments with an option that
 /// requires one; and for several processes whose environments step during updates.
 void check_settings(const OnPolicySettings& settings, const AgentSpec& spec);
-/// See AgentSpec: the learning rate's schedule, unless anneal_steps is set.
+/// See agents/agent.h: the learning rate's schedule, unless anneal_steps is set.
 std::string_view schedule_over_run(const OnPolicySettings& settings);
 
 }  // namespace cale

@@ -8,7 +8,7 @@
 
 namespace cale {
 
-/// See AgentSpec. Names what is too large and the settings to lower.
+/// See agents/agent.h. Names what is too large and the settings to lower.
 void check_memory(const OnPolicySettings& settings, const AgentSpec& spec, std::int64_t available);
 
 }  // namespace cale

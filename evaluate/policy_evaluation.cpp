@@ -11,7 +11,9 @@
 #include <torch/types.h>
 
 #include "cale/fields.h"
+#include "cale/games.h"
 #include "cale/seeds.h"
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -39,6 +41,12 @@ torch::Tensor in_equal_batches(const torch::Tensor& observations, const Forward&
 }  // namespace
 
 void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
+    for (const auto& name : split(policy.game, '+')) {
+        if (std::ranges::find(all_games(), name, &Game::name) == all_games().end())
+            throw std::invalid_argument(fmt::format(
+                "this policy was trained in {}, which is no Atari game, and no other can be played here",
+                name));
+    }
     const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != (policy.action_space == "continuous")) {
         throw std::invalid_argument(

@@ -568,12 +568,17 @@ void require_runs(const FoundRuns& found) {
     if (found.left_out.empty())
         throw std::runtime_error(
             "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    const auto& [what, why] = found.left_out.front();
+    constexpr std::size_t kNamed = 3;
     const auto count = found.left_out.size();
+    auto reasons = sentences(found.left_out);
+    if (count > kNamed) {
+        reasons.resize(kNamed);
+        reasons.push_back(fmt::format("{} more", count - kNamed));
+    }
     throw std::runtime_error(fmt::format(
-        "{}{}: {}",
+        "{}{}",
         count > 1 ? fmt::format("none of the {} runs can be used; ", count) : "the run cannot be used; ",
-        what, why));
+        fmt::join(reasons, "; ")));
 }
 
 bool Comparison::is_complete() const {

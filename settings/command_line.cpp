@@ -182,7 +182,9 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
             const bool is_file = argument.ends_with(".yaml") || argument.ends_with(".yml");
             throw ConfigError(fmt::format("unexpected argument '{}'; {}", argument,
                                           is_file ? "a file of settings is given by --config FILE"
-                                                  : "settings are given as KEY=VALUE"));
+                                          : std::filesystem::is_directory(argument)
+                                              ? "the folder of a run is given by --run-dir DIR"
+                                              : "settings are given as KEY=VALUE"));
         }
         auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
         overrides.push_back(argument);

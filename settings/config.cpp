@@ -111,6 +111,12 @@ class YamlReader {
         const auto root = parse_yaml(file, text);
         if (root.IsNull()) return;
         if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
+        for (const auto& item : root) {
+            const auto& key = scalar(file, item.first);
+            if (key == "grid" || key == "variants" || key == "search")
+                fail(file, item.first,
+                     fmt::format("'{}' is of a sweep file: cale sweep {}", key, file.string()));
+        }
         // The base comes first wherever it is named, so that this file has the last word.
         for (const auto& item : root) {
             if (scalar(file, item.first) != "extends") continue;

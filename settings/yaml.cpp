@@ -70,15 +70,18 @@ std::string hint_of_tabs(const std::string& text) {
     return fmt::format("; a tab indents line {}: YAML wants spaces", found - lines.begin() + 1);
 }
 
-/// Where the documents of a YAML stream begin.
+/// Where the documents of a YAML stream begin, and its last scalar.
 struct DocumentStarts : YAML::EventHandler {
     std::vector<YAML::Mark> marks;
+    YAML::Mark last_scalar;
 
     void OnDocumentStart(const YAML::Mark& mark) override { marks.push_back(mark); }
     void OnDocumentEnd() override {}
     void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
     void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
-    void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+    void OnScalar(const YAML::Mark& mark, const std::string&, YAML::anchor_t, const std::string&) override {
+        last_scalar = mark;
+    }
     void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
                          YAML::EmitterStyle::value) override {}
     void OnSequenceEnd() override {}
@@ -86,6 +89,16 @@ struct DocumentStarts : YAML::EventHandler {
                     YAML::EmitterStyle::value) override {}
     void OnMapEnd() override {}
 };
+
+/// Whether valid YAML ends within quotes, which the parser closes by itself.
+bool leaves_a_quote_open(const std::string& text) {
+    try {
+        YAML::Load(text + "\n...\n");  // which ends a document, but not within quotes
+    } catch (const YAML::Exception&) {
+        return true;
+    }
+    return false;
+}
 
 }  // namespace
 
@@ -121,6 +134,8 @@ YAML::Node parse_yaml(const std::string& text) {
     } catch (const YAML::Exception& error) {
         throw YAML::Exception(error.mark, "not valid YAML: " + error.msg + hint_of_tabs(text));
     }
+    if (leaves_a_quote_open(text))
+        throw YAML::Exception(starts.last_scalar, "not valid YAML: a quote is opened here and not closed");
     if (starts.marks.size() > 1)
         throw YAML::Exception(starts.marks[1], "a second YAML document ('---'); a file may hold one only");
     return document;

@@ -296,8 +296,8 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
     if (const auto count = std::ranges::count_if(runs, makes_no_update); count > 0)
         fmt::print(
             stderr,
-            "note: {} of them make no update: they end before agent.min_replay or agent.rollout_steps\n",
-            count);
+            "note: {} without an update: the end comes before agent.min_replay or agent.rollout_steps\n",
+            counted(static_cast<std::size_t>(count), "run"));
     search.train = [&](std::span<const PlannedRun> some) {
         return run_locally(some, folder, slots,
                            {.threads = options.sharing.threads,

@@ -61,6 +61,9 @@ class Reader {
         for (const auto& item : root) {
             const auto section = word(item.first);
             if (section == "agent" || section == "config") {
+                if (item.second.IsSequence())
+                    fail(item.second,
+                         fmt::format("'{}' has several values: what varies goes below 'grid:'", section));
                 contents.common.push_back({section, {word(item.second)}});
             } else if (section == "set") {
                 for (auto& axis : grid(item.second)) {
@@ -113,6 +116,14 @@ class Reader {
 
     [[noreturn]] void fail_unknown(const YAML::Node& key, const std::vector<std::string>& known) const {
         const auto name = word(key);
+        for (const auto* section : {"env", "train", "eval", "log", "extends"}) {
+            if (name == section)
+                fail(key,
+                     fmt::format(
+                         "'{}' is of a configuration, which a sweep file names by 'config: FILE'; single "
+                         "settings, such as env.game, go below 'set:' and 'grid:'",
+                         name));
+        }
         const auto guess = nearest(name, known);
         fail(key, fmt::format("unknown key '{}'; {}", name,
                               guess.empty() ? fmt::format("there are {}", fmt::join(known, ", "))

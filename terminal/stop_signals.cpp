@@ -2,19 +2,36 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
+#include <ctime>
 
 namespace cale {
 namespace {
 
 std::atomic<int> requested = 0;  // read by other threads, too
-static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
+std::atomic<std::int64_t> requested_at = 0;
+static_assert(std::atomic<int>::is_always_lock_free && std::atomic<std::int64_t>::is_always_lock_free,
+              "a signal handler may not wait");
 
 constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP};
 
+std::int64_t milliseconds() {
+    struct timespec now = {};
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return 1000 * std::int64_t{now.tv_sec} + now.tv_nsec / 1'000'000;
+}
+
 void request_stop(int signal) {
-    requested = signal;
-    // A terminal that is closed sends SIGHUP more than once.
-    for (const int next : kSignals) std::signal(next, next == SIGHUP ? SIG_IGN : SIG_DFL);
+    if (requested == 0) {
+        requested_at = milliseconds();
+        requested = signal;
+        return;
+    }
+    // A terminal that is closed sends SIGHUP more than once; `timeout` signals its child and then its group.
+    constexpr std::int64_t kOneStop = 500;
+    if (signal == SIGHUP || milliseconds() - requested_at < kOneStop) return;
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
 }
 
 }  // namespace

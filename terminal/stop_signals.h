@@ -23,7 +23,7 @@ class SignalHandler {
 };
 
 /// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next SIGINT or
-/// SIGTERM kills the process, while another SIGHUP is ignored.
+/// SIGTERM kills the process, unless it comes within half a second, while another SIGHUP is ignored.
 class StopSignals {
   public:
     StopSignals();

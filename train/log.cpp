@@ -125,6 +125,16 @@ void ProgressLog::require(const std::filesystem::path& path, std::int64_t rows) 
     static_cast<void>(first_rows(path, rows));
 }
 
+std::int64_t ProgressLog::rows_to(const std::filesystem::path& path, std::int64_t rows, std::int64_t step) {
+    if (!std::filesystem::exists(path)) return rows;
+    const std::string text = read_file(path);
+    const auto lines = whole_lines(text);
+    const auto next = static_cast<std::size_t>(rows) + 1;  // behind the header
+    const bool is_there =
+        next < lines.size() && number_in<std::int64_t>(split(lines[next], ',').front()) == step;
+    return rows + (is_there ? 1 : 0);
+}
+
 ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows)
     : file_(rows ? cut_back(path, *rows) : AppendFile(path)), rows_(rows.value_or(0)) {
     if (rows_ == 0) return;

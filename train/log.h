@@ -76,6 +76,8 @@ class ProgressLog {
     explicit ProgressLog(const std::filesystem::path& path, std::optional<std::int64_t> rows = std::nullopt);
     /// Throws CutFile where the file lacks some of its first `rows` rows.
     static void require(const std::filesystem::path& path, std::int64_t rows);
+    /// Returns `rows`, or one more where the next row is of this agent step.
+    static std::int64_t rows_to(const std::filesystem::path& path, std::int64_t rows, std::int64_t step);
 
     void write(const Report& report);
     /// The number of rows that a checkpoint records. Not an offset, because columns may be added.

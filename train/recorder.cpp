@@ -83,6 +83,13 @@ void check_finite(const std::map<std::string, double>& metrics, const RunState& 
     }
 }
 
+/// How many rows of progress.csv a resumed run keeps: where no step follows, also the last one, which
+/// checkpoints do not count.
+std::int64_t kept_rows(const RunState& state, const RunSettings& settings, const TrainOptions& options) {
+    if (state.step < settings.train.total_steps) return state.progress_rows;
+    return ProgressLog::rows_to(options.run_dir / "progress.csv", state.progress_rows, state.step);
+}
+
 }  // namespace
 
 /// What the first process alone has.
@@ -99,7 +106,7 @@ struct Recorder::Files {
                     .games = world.games},
                    resumed != nullptr ? std::optional(state.episodes_offset) : std::nullopt),
           progress(options.run_dir / "progress.csv",
-                   resumed != nullptr ? std::optional(state.progress_rows) : std::nullopt),
+                   resumed != nullptr ? std::optional(kept_rows(state, settings, options)) : std::nullopt),
           checkpoints(options.run_dir,
                       {.newest = settings.train.keep_checkpoints,
                        .every = settings.train.keep_every,
@@ -152,6 +159,7 @@ Recorder::Recorder(Agent& agent, Collector& collector, RunState& state, const Tr
     // Before the other log is cut back: a run that is refused stays as it is.
     if (resumed != nullptr) ProgressLog::require(options.run_dir / "progress.csv", state.progress_rows);
     files_ = std::make_unique<Files>(state, world, settings, options, resumed);
+    uncounted_rows_ = resumed != nullptr ? files_->progress.rows() - state.progress_rows : 0;
     files_->reported = files_->progress_at(state, settings.train.total_steps);
 }
 

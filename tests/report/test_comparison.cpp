@@ -428,6 +428,18 @@ TEST(Csv, QuotesWhatNeedsIt) {
     EXPECT_EQ(csv_line({"", "a", "b,c", "d\"e"}), ",a,\"b,c\",\"d\"\"e\"\n");
 }
 
+TEST(RequireRuns, NamesWhyEachOfAFewRunsCannotBeUsed) {
+    FoundRuns found;
+    for (const auto* run : {"a", "b", "c", "d", "e"})
+        found.left_out.push_back({run, std::string("of ") + run});
+    try {
+        require_runs(found);
+        FAIL();
+    } catch (const std::runtime_error& error) {
+        EXPECT_STREQ(error.what(), "none of the 5 runs can be used; a: of a; b: of b; c: of c; 2 more");
+    }
+}
+
 TEST_F(Comparing, OfNothingIsRefused) {
     EXPECT_THROW(compared(), std::exception);
 }

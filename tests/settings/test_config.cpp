@@ -374,7 +374,15 @@ TEST_F(Config, DuplicatesAreRefused) {
               "x.yaml:3:1: a second YAML document ('---'); a file may hold one only");
 }
 
+TEST_F(Config, ASweepFileIsNamed) {
+    EXPECT_EQ(load_error("agent: sac\ngrid:\n  train.seed: 1\n"),
+              "x.yaml:2:1: 'grid' is of a sweep file: cale sweep x.yaml");
+}
+
 TEST_F(Config, SyntaxErrorsNameTheirPlace) {
+    EXPECT_EQ(load_error("fruit:\n  label: \"a, b\n  count: 1\n"),
+              "x.yaml:2:10: not valid YAML: a quote is opened here and not closed");
+    EXPECT_NO_THROW(load("fruit:\n  label: 'a'\n  # it's one\n...\n"));
     EXPECT_EQ(load_error("fruit:\n  label: [a, b\n  count: 1\n"),
               "x.yaml:3:8: not valid YAML: end of sequence flow not found");
     EXPECT_THAT(load_error("fruit:\n\tcount: 1\n"),

@@ -313,6 +313,13 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.sed: 1}\n"),
                 HasSubstr("train.seed is missing; did you mean it by 'train.sed'?"));
     EXPECT_THAT(mistake(small_ + "set: {agent: der}\n"), HasSubstr("'agent' is there twice"));
+    EXPECT_THAT(mistake("agent: [sac, der]\ngrid: {env.game: pong, train.seed: 1}\n"),
+                HasSubstr("mine.yaml:1:8: 'agent' has several values: what varies goes below 'grid:'"));
+    EXPECT_THAT(
+        mistake("env:\n  game: pong\n"),
+        HasSubstr("mine.yaml:1:1: 'env' is of a configuration, which a sweep file names by 'config: FILE'"));
+    EXPECT_THAT(mistake("agent: 'sac\ngrid: {env.game: pong, train.seed: 1}\n"),
+                HasSubstr("mine.yaml:1:8: not valid YAML: a quote is opened here and not closed"));
     EXPECT_THAT(mistake("agent: sac\ngrid: {env.game: pong, train.seed: 1, config: [a/x.yaml, b/x.yaml]}\n"),
                 HasSubstr("two different runs would be called Pong__sac__config=x__1"));
     EXPECT_THAT(mistake(small_ + "variants: [{train.run: " + std::string(250, 'x') + "}]\n"),

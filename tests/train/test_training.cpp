@@ -312,6 +312,10 @@ TEST_F(TrainingEmulator, ARunThatIsResumedAtItsEndHasItsLastRow) {
     EXPECT_EQ(train(second), Outcome::finished);
     EXPECT_THAT(steps_in_table(), testing::ElementsAre(100, 170));
     EXPECT_EQ(read_progress(folder.path() / "progress.csv").at("losses/qf_loss").back(), 0.5);
+    const auto table = folder.read("progress.csv");
+    ScribeAgent third(1);
+    EXPECT_EQ(train(third), Outcome::finished);
+    EXPECT_EQ(folder.read("progress.csv"), table) << "where no step follows the last row stays";
 }
 
 TEST_F(TrainingEmulator, ARunThatIsResumedBehindItsLastEvaluationHasTheMetricsOfItsLastUpdate) {

@@ -1,0 +1,37 @@
+#include "terminal/stop_signals.h"
+
+#include <chrono>
+#include <csignal>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+namespace cale {
+namespace {
+
+TEST(StopSignals, TwoAtOnceAreOneStop) {
+    const StopSignals signals;
+    EXPECT_FALSE(stop_requested());
+    // As `timeout` sends them: to its child, and then to its child's group.
+    std::raise(SIGTERM);
+    std::raise(SIGTERM);
+    std::raise(SIGINT);
+    EXPECT_TRUE(stop_requested());
+    EXPECT_EQ(stop_signal(), "SIGTERM") << "the first";
+}
+
+TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
+    const auto stop_twice = [](int second) {
+        const StopSignals signals;
+        std::raise(SIGINT);
+        std::this_thread::sleep_for(std::chrono::milliseconds(600));
+        std::raise(second);
+    };
+    EXPECT_EXIT(stop_twice(SIGINT), testing::KilledBySignal(SIGINT), "");
+    EXPECT_EXIT(stop_twice(SIGTERM), testing::KilledBySignal(SIGTERM), "");
+    stop_twice(SIGHUP);
+    EXPECT_TRUE(stop_requested());
+}
+
+}  // namespace
+}  // namespace cale
