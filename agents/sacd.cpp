@@ -97,7 +97,7 @@ struct Sacd : ActorCriticState<SacdNetwork> {
             return torch::randint(0, num_actions, {observations.size(0)}, context.random, torch::kInt64);
         const auto log_pi = acting_network()->log_policy(acting_network()->encoder->trunk(observations));
         require_finite(log_pi);
-        const auto actions =
+        auto actions =
             context.training || config.sampled_evaluation
                 ? log_pi.exp().cpu().multinomial(1, /*replacement=*/true, context.random).squeeze(1)
                 : log_pi.argmax(1).cpu();
