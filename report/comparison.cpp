@@ -496,6 +496,14 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
     return notes;
 }
 
+/// The first `count` texts and, where there are others, how many.
+std::vector<std::string> first_ones(std::vector<std::string> texts, std::size_t count) {
+    if (texts.size() <= count) return texts;
+    texts[count] = fmt::format("{} more", texts.size() - count);
+    texts.resize(count + 1);
+    return texts;
+}
+
 /// Groups that count several runs of a game and a seed, with the settings in which these differ.
 std::vector<std::string> pooled_groups(const Comparison& comparison) {
     std::vector<std::string> pooled;
@@ -509,12 +517,7 @@ std::vector<std::string> pooled_groups(const Comparison& comparison) {
             keys.insert(differing.begin(), differing.end());
         }
         if (keys.empty()) continue;
-        constexpr std::size_t kNamed = 5;
-        std::vector<std::string> named(keys.begin(), keys.end());
-        if (named.size() > kNamed) {
-            named[kNamed] = fmt::format("{} more", keys.size() - kNamed);
-            named.resize(kNamed + 1);
-        }
+        const auto named = first_ones({keys.begin(), keys.end()}, 5);
         pooled.push_back(fmt::format("{} ({})", group.label, fmt::join(named, ", ")));
     }
     return pooled;
@@ -568,17 +571,11 @@ void require_runs(const FoundRuns& found) {
     if (found.left_out.empty())
         throw std::runtime_error(
             "there is no run: a run is a folder with an episodes.csv beside a config.yaml or metadata.json");
-    constexpr std::size_t kNamed = 3;
     const auto count = found.left_out.size();
-    auto reasons = sentences(found.left_out);
-    if (count > kNamed) {
-        reasons.resize(kNamed);
-        reasons.push_back(fmt::format("{} more", count - kNamed));
-    }
     throw std::runtime_error(fmt::format(
         "{}{}",
         count > 1 ? fmt::format("none of the {} runs can be used; ", count) : "the run cannot be used; ",
-        fmt::join(reasons, "; ")));
+        fmt::join(first_ones(sentences(found.left_out), 3), "; ")));
 }
 
 bool Comparison::is_complete() const {

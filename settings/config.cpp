@@ -111,9 +111,11 @@ class YamlReader {
         const auto root = parse_yaml(file, text);
         if (root.IsNull()) return;
         if (!root.IsMap()) fail(file, root, "expected sections such as 'env:' with settings below");
+        const auto sections = section_names();
         for (const auto& item : root) {
             const auto& key = scalar(file, item.first);
-            if (key == "grid" || key == "variants" || key == "search")
+            const bool is_of_a_sweep = key == "grid" || key == "variants" || key == "search";
+            if (is_of_a_sweep && std::ranges::find(sections, key) == sections.end())
                 fail(file, item.first,
                      fmt::format("'{}' is of a sweep file: cale sweep {}", key, file.string()));
         }

@@ -75,24 +75,24 @@ std::string from_run(const fs::path& run_dir) {
 /// Refuses what does not begin as a policy file before it is read: a device has no end, and another file may
 /// be larger than the memory.
 std::string read_policy_file(const fs::path& path) {
-    const auto refuse_file = [&](std::string_view why) {
-        throw std::runtime_error(fmt::format("'{}' is not a policy file: {}", path.string(), why));
+    const auto no_policy_file = [&](std::string_view why) {
+        return std::runtime_error(fmt::format("'{}' is not a policy file: {}", path.string(), why));
     };
     std::error_code error;
-    if (fs::exists(path, error) && !fs::is_regular_file(path, error)) refuse_file("it is no regular file");
+    if (fs::exists(path, error) && !fs::is_regular_file(path, error))
+        throw no_policy_file("it is no regular file");
     std::ifstream file(path, std::ios::binary);
     std::array<char, sizeof(std::uint64_t)> header{};  // its length
     if (file && (!file.read(header.data(), header.size()) ||
                  !may_be_header(std::bit_cast<std::uint64_t>(header), fs::file_size(path)))) {
-        refuse_file(
+        throw no_policy_file(
             "it does not begin with the header of one, or is cut off in it; cale export RUN -o FILE makes "
             "one");
     }
     try {
         return read_file(path);  // which says why, where it cannot be opened
     } catch (const std::bad_alloc&) {
-        refuse_file(fmt::format("its {} bytes do not fit into the memory", fs::file_size(path)));
-        throw;
+        throw no_policy_file(fmt::format("its {} bytes do not fit into the memory", fs::file_size(path)));
     }
 }
 

@@ -159,7 +159,7 @@ Recorder::Recorder(Agent& agent, Collector& collector, RunState& state, const Tr
     // Before the other log is cut back: a run that is refused stays as it is.
     if (resumed != nullptr) ProgressLog::require(options.run_dir / "progress.csv", state.progress_rows);
     files_ = std::make_unique<Files>(state, world, settings, options, resumed);
-    uncounted_rows_ = resumed != nullptr ? files_->progress.rows() - state.progress_rows : 0;
+    uncounted_rows_ = files_->progress.rows() - state.progress_rows;
     files_->reported = files_->progress_at(state, settings.train.total_steps);
 }
 

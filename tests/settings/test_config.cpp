@@ -377,6 +377,10 @@ TEST_F(Config, DuplicatesAreRefused) {
 TEST_F(Config, ASweepFileIsNamed) {
     EXPECT_EQ(load_error("agent: sac\ngrid:\n  train.seed: 1\n"),
               "x.yaml:2:1: 'grid' is of a sweep file: cale sweep x.yaml");
+    FruitConfig cells;
+    table_.add("grid", cells);  // a section of a world of one's own
+    load("grid:\n  count: 6\n");
+    EXPECT_EQ(cells.count, 6);
 }
 
 TEST_F(Config, SyntaxErrorsNameTheirPlace) {
