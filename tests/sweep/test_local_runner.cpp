@@ -119,6 +119,14 @@ TEST_F(LocalSweep, ARunThatBeginsWithOtherSettingsThanPlannedIsStopped) {
     EXPECT_THAT(said(), HasSubstr("3 runs: 1 finished, 2 refused\n"));
 }
 
+TEST_F(LocalSweep, ARunThatCameToTheStepOfItsPauseIsNotCalledFinished) {
+    auto runs = fake_.runs({"fast", "fast"});
+    runs[0].until = runs[0].end.total_steps;
+    EXPECT_EQ(run(runs), 0);
+    EXPECT_THAT(said(), HasSubstr("paused     fast_0"));
+    EXPECT_THAT(said(), HasSubstr("2 runs: 1 finished, 1 paused\n"));
+}
+
 TEST_F(LocalSweep, ARunThatDivergesIsNotTriedAgain) {
     EXPECT_EQ(run(fake_.runs({"diverge"})), 1);
     EXPECT_EQ(fake_.output("diverge_0"), "started with output.log \na loss became nan\n");
