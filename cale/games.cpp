@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <stdexcept>
 #include <string>
 
@@ -95,10 +94,8 @@ std::string canonical(std::string_view name) {
     }
     remove_suffix(name, "NoFrameskip");
     remove_suffix(name, "Deterministic");
-    std::string result;
-    for (const char c : name) {
-        if (c != '_') result += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    }
+    auto result = lower(name);
+    std::erase(result, '_');
     return result;
 }
 

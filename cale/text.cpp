@@ -1,6 +1,7 @@
 #include "cale/text.h"
 
 #include <algorithm>
+#include <charconv>
 #include <numeric>
 #include <utility>
 
@@ -77,6 +78,29 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
         std::swap(row, next);
     }
     return row.back();
+}
+
+bool natural_less(std::string_view a, std::string_view b) {
+    const auto is_digit = [](std::string_view text) { return text.front() >= '0' && text.front() <= '9'; };
+    auto rest_a = a, rest_b = b;
+    while (!rest_a.empty() && !rest_b.empty()) {
+        double left = static_cast<unsigned char>(rest_a.front()),
+               right = static_cast<unsigned char>(rest_b.front());
+        std::size_t taken_a = 1, taken_b = 1;
+        if (is_digit(rest_a) && is_digit(rest_b)) {
+            const auto number = [](std::string_view text, double& value) {
+                const auto end = std::from_chars(text.data(), text.data() + text.size(), value).ptr;
+                return static_cast<std::size_t>(end - text.data());
+            };
+            taken_a = number(rest_a, left);
+            taken_b = number(rest_b, right);
+        }
+        if (left != right) return left < right;
+        rest_a.remove_prefix(taken_a);
+        rest_b.remove_prefix(taken_b);
+    }
+    if (rest_a.empty() != rest_b.empty()) return rest_a.empty();
+    return a < b;
 }
 
 std::string lower(std::string_view text) {

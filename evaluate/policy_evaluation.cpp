@@ -95,6 +95,10 @@ bool can_sample(const Policy& policy) {
     return policy.info().evaluation_samples || !policy.gives_action_values();
 }
 
+bool draws_actions(const Policy& policy, bool sampled, bool greedy) {
+    return (sampled && can_sample(policy)) || (policy.info().evaluation_samples && !greedy);
+}
+
 Decide decide_by(const Policy& policy, bool sampled, std::uint64_t seed) {
     if (!sampled) {
         return [policy](const torch::Tensor& observations, std::span<const std::int64_t>) {

@@ -25,6 +25,10 @@ bool can_sample(const Policy& policy);
 inline constexpr const char* kDrawsNothing =
     "--sampled: this policy has action values, which are no distribution, and no noise: it plays greedily";
 
+/// Returns whether the policy is to draw its actions: as the user asks by `sampled` or `greedy`, else as its
+/// training's evaluations did.
+bool draws_actions(const Policy& policy, bool sampled, bool greedy);
+
 /// Returns the policy's choices: greedy, or with `sampled` drawn from it, each game with its own generator
 /// seeded by `seed` and the game's number. The choice for a game does not depend on the other games: greedy
 /// actions are always computed eight rows at a time, because the sums of another batch size may round

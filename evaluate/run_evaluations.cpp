@@ -23,34 +23,6 @@ namespace {
 
 constexpr const char* kProtocol = "protocol.json";
 
-bool is_digit(char c) {
-    return c >= '0' && c <= '9';
-}
-
-/// "seed 9" before "seed 10".
-bool comes_before(std::string_view a, std::string_view b) {
-    while (!a.empty() && !b.empty()) {
-        const auto digits = [](std::string_view text) {
-            return static_cast<std::size_t>(std::ranges::find_if_not(text, is_digit) - text.begin());
-        };
-        const auto in_a = digits(a), in_b = digits(b);
-        if (in_a > 0 && in_b > 0) {
-            auto number_a = a.substr(0, in_a), number_b = b.substr(0, in_b);
-            number_a.remove_prefix(std::min(number_a.find_first_not_of('0'), in_a));
-            number_b.remove_prefix(std::min(number_b.find_first_not_of('0'), in_b));
-            if (number_a != number_b)
-                return std::pair(number_a.size(), number_a) < std::pair(number_b.size(), number_b);
-            a.remove_prefix(in_a);
-            b.remove_prefix(in_b);
-        } else {
-            if (a.front() != b.front()) return a.front() < b.front();
-            a.remove_prefix(1);
-            b.remove_prefix(1);
-        }
-    }
-    return a.size() < b.size();
-}
-
 void collect(const fs::path& folder, std::vector<fs::path>& runs) {
     for (const auto& entry : fs::directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
         std::error_code lost;  // of a link that leads nowhere
@@ -108,8 +80,8 @@ bool is_run(const fs::path& folder) {
 std::vector<fs::path> run_folders(const fs::path& folder) {
     std::vector<fs::path> runs;
     collect(folder, runs);
-    std::ranges::sort(
-        runs, [](const fs::path& a, const fs::path& b) { return comes_before(a.native(), b.native()); });
+    std::ranges::sort(runs, natural_less,
+                      [](const fs::path& run) -> std::string_view { return run.native(); });
     return runs;
 }
 

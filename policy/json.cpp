@@ -265,10 +265,8 @@ bool is_utf8(std::string_view text) {
 std::string in_quotes(std::string_view text) {
     const bool is_long = text.size() > kLongestQuotation;
     auto length = std::min(text.size(), kLongestQuotation);
-    const auto continues = [&](std::size_t at) {
-        return (static_cast<unsigned char>(text[at]) & 0xC0) == 0x80;
-    };
-    for (int i = 0; is_long && i < 3 && continues(length); ++i) --length;  // no character of UTF-8 is cut
+    for (int i = 0; is_long && i < 3 && continues_character(text[length]); ++i)
+        --length;  // no character of UTF-8 is cut
     auto result = printable(to_json(text.substr(0, length)));
     result.front() = '\'';
     result.pop_back();

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "cale/cores.h"
+#include "cale/seeds.h"
 
 namespace cale {
 namespace {
@@ -62,13 +63,6 @@ double quantile_of(std::span<double> values, double quantile) {
     const double fraction = position - std::floor(position);
     if (fraction == 0) return *at;
     return *at + fraction * (*std::min_element(at + 1, values.end()) - *at);
-}
-
-/// The finaliser of splitmix64 (Steele et al. 2014).
-std::uint64_t mixed(std::uint64_t z) {
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return z ^ (z >> 31);
 }
 
 /// The draws of one resample: splitmix64 from a place that follows from (seed, resample), each of

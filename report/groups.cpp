@@ -5,13 +5,14 @@
 
 #include <algorithm>
 #include <cctype>
-#include <charconv>
 #include <functional>
 #include <map>
 #include <set>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
+
+#include "cale/text.h"
 
 namespace cale {
 namespace {
@@ -65,30 +66,6 @@ std::vector<std::string> distinguishing_keys(const Runs& runs) {
         if (count_groups(runs, others) == groups) chosen = std::move(others);
     }
     return chosen;
-}
-
-/// Whether `a` comes before `b` where their numbers are compared as numbers: "n=3", "n=10".
-bool natural_less(std::string_view a, std::string_view b) {
-    const auto is_digit = [](std::string_view text) { return text.front() >= '0' && text.front() <= '9'; };
-    auto rest_a = a, rest_b = b;
-    while (!rest_a.empty() && !rest_b.empty()) {
-        double left = static_cast<unsigned char>(rest_a.front()),
-               right = static_cast<unsigned char>(rest_b.front());
-        std::size_t taken_a = 1, taken_b = 1;
-        if (is_digit(rest_a) && is_digit(rest_b)) {
-            const auto number = [](std::string_view text, double& value) {
-                const auto end = std::from_chars(text.data(), text.data() + text.size(), value).ptr;
-                return static_cast<std::size_t>(end - text.data());
-            };
-            taken_a = number(rest_a, left);
-            taken_b = number(rest_b, right);
-        }
-        if (left != right) return left < right;
-        rest_a.remove_prefix(taken_a);
-        rest_b.remove_prefix(taken_b);
-    }
-    if (rest_a.empty() != rest_b.empty()) return rest_a.empty();
-    return a < b;
 }
 
 bool speaks_for_itself(const std::string& value) {

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "cale/text.h"
 #include "storage/files.h"
 
 namespace cale {
@@ -138,14 +139,9 @@ void draw(cv::Mat& image, const Area& area) {
     cv::addWeighted(painted, area.opacity, below, 1 - area.opacity, 0, below);
 }
 
-/// Whether a byte of UTF-8 belongs to the character before it.
-bool continues(char byte) {
-    return (static_cast<unsigned char>(byte) & 0xc0) == 0x80;
-}
-
 /// Hershey's fonts have ASCII alone: each other character becomes a question mark.
 std::string in_ascii(std::string text) {
-    std::erase_if(text, continues);
+    std::erase_if(text, continues_character);
     std::ranges::replace_if(
         text, [](char c) { return static_cast<unsigned char>(c) >= 0x80; }, '?');
     return text;
@@ -226,7 +222,8 @@ Area diamond(Point centre, double radius, Colour colour) {
 }
 
 double text_width(std::string_view text, double size, bool bold) {
-    const auto characters = text.size() - static_cast<std::size_t>(std::ranges::count_if(text, continues));
+    const auto characters =
+        text.size() - static_cast<std::size_t>(std::ranges::count_if(text, continues_character));
     return (bold ? 0.63 : 0.57) * size * static_cast<double>(characters);
 }
 

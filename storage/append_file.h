@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "storage/descriptor.h"
+
 namespace cale {
 
 /// A file does not hold what it held when a checkpoint was written. Programs leave with exit code 3.
@@ -22,14 +24,11 @@ class AppendFile {
     /// An empty file; or, with `keep`, an existing one cut back to its first `keep` bytes.
     /// Throws CutFile if it has fewer, or is missing.
     explicit AppendFile(std::filesystem::path path, std::optional<std::int64_t> keep = std::nullopt);
-    ~AppendFile();
-    AppendFile(AppendFile&& other) noexcept;
-    AppendFile& operator=(AppendFile&& other) noexcept;
 
     void write(std::string_view bytes);
     /// Returns when all that was written is on disk; of a new file not its name, see sync_name().
     void sync();
-    /// Bytes in the file.
+    /// Bytes in the file, without those of a write that failed.
     std::int64_t size() const { return size_; }
     const std::filesystem::path& path() const { return path_; }
 
@@ -37,7 +36,7 @@ class AppendFile {
     [[noreturn]] void fail(std::string_view what) const;
 
     std::filesystem::path path_;
-    int descriptor_ = -1;
+    Descriptor file_{-1};
     std::int64_t size_ = 0;
 };
 

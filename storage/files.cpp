@@ -13,6 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "storage/descriptor.h"
+
 namespace cale {
 namespace {
 
@@ -20,22 +22,6 @@ namespace {
     throw std::system_error(error, std::generic_category(),
                             std::string("cannot ") + verb + " '" + path.string() + "'");
 }
-
-class Descriptor {
-  public:
-    explicit Descriptor(int fd) : fd_(fd) {}
-    Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-    Descriptor& operator=(Descriptor&&) = delete;
-    ~Descriptor() {
-        if (fd_ >= 0) ::close(fd_);
-    }
-    int get() const { return fd_; }
-    /// Network file systems report the last write errors here.
-    int close() { return ::close(std::exchange(fd_, -1)); }
-
-  private:
-    int fd_;
-};
 
 /// A file under a temporary name beside `target`, removed unless it was published.
 class TemporaryFile {
@@ -47,15 +33,7 @@ class TemporaryFile {
         if (!published_) ::unlink(name_.c_str());
     }
 
-    bool write(std::string_view bytes) {
-        while (!bytes.empty()) {
-            const ssize_t written = ::write(file_.get(), bytes.data(), bytes.size());
-            if (written < 0 && errno == EINTR) continue;
-            if (written < 0) return false;
-            bytes.remove_prefix(static_cast<std::size_t>(written));
-        }
-        return true;
-    }
+    bool write(std::string_view bytes) { return write_all(file_, bytes); }
 
     bool publish(const std::filesystem::path& target) {
         if (::fsync(file_.get()) != 0 || file_.close() != 0) return false;

@@ -30,26 +30,24 @@ std::string holder(int descriptor) {
     return number ? fmt::format("process {}", digits) : "another process";
 }
 
-/// Returns the descriptor of the folder's file, which it has locked.
-int lock_file_of(const std::filesystem::path& run_dir) {
-    const auto file = run_dir / kFile;
-    const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (descriptor < 0) {
+/// Returns the folder's file, which it has locked.
+Descriptor lock_file_of(const std::filesystem::path& run_dir) {
+    const auto path = run_dir / kFile;
+    Descriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+    if (!file.is_open()) {
         throw std::system_error(errno, std::generic_category(),
-                                fmt::format("cannot write '{}'", file.string()));
+                                fmt::format("cannot write '{}'", path.string()));
     }
-    for (int waits = 0; ::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++waits) {
+    for (int waits = 0; ::flock(file.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK; ++waits) {
         if (waits < 10) {  // is_taken() of another process holds it for a moment
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
             continue;
         }
-        const auto who = holder(descriptor);
-        ::close(descriptor);
         throw FolderTaken(fmt::format(
             "{} is training in {}: wait for it or stop it, or give this run another folder with --run-dir",
-            who, run_dir.string()));
+            holder(file.get()), run_dir.string()));
     }
-    return descriptor;
+    return file;
 }
 
 /// Whether the folder's file is the one that is open, and not a later one.
@@ -61,28 +59,18 @@ bool is_in(const std::filesystem::path& run_dir, int descriptor) {
 
 }  // namespace
 
-RunLock::RunLock(const std::filesystem::path& run_dir) : descriptor_(lock_file_of(run_dir)) {
+RunLock::RunLock(const std::filesystem::path& run_dir) : file_(lock_file_of(run_dir)) {
     // Where it was removed between its opening and its locking, another process may lock the next one.
-    while (!is_in(run_dir, descriptor_)) {
-        ::close(descriptor_);
-        descriptor_ = lock_file_of(run_dir);
-    }
+    while (!is_in(run_dir, file_.get())) file_ = lock_file_of(run_dir);
     const auto pid = std::to_string(::getpid());
     // A message without a process id is no reason to stop.
-    static_cast<void>(::ftruncate(descriptor_, 0) == 0 &&
-                      ::pwrite(descriptor_, pid.data(), pid.size(), 0) == static_cast<ssize_t>(pid.size()));
-}
-
-RunLock::~RunLock() {
-    ::close(descriptor_);
+    static_cast<void>(::ftruncate(file_.get(), 0) == 0 &&
+                      ::pwrite(file_.get(), pid.data(), pid.size(), 0) == static_cast<ssize_t>(pid.size()));
 }
 
 bool RunLock::is_taken(const std::filesystem::path& run_dir) {
-    const int descriptor = ::open((run_dir / kFile).c_str(), O_RDONLY | O_CLOEXEC);
-    if (descriptor < 0) return false;
-    const bool taken = ::flock(descriptor, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-    ::close(descriptor);
-    return taken;
+    const Descriptor file(::open((run_dir / kFile).c_str(), O_RDONLY | O_CLOEXEC));
+    return file.is_open() && ::flock(file.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
 }  // namespace cale

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "storage/descriptor.h"
+
 namespace cale {
 
 /// Another process has locked the folder.
@@ -18,15 +20,12 @@ class RunLock {
     /// Throws FolderTaken, naming the folder and, where it is known, the process that trains in it, or
     /// std::system_error, why the file cannot be written.
     explicit RunLock(const std::filesystem::path& run_dir);
-    ~RunLock();
-    RunLock(const RunLock&) = delete;
-    RunLock& operator=(const RunLock&) = delete;
 
     /// Returns whether a living process has locked the folder.
     static bool is_taken(const std::filesystem::path& run_dir);
 
   private:
-    int descriptor_;
+    Descriptor file_;
 };
 
 }  // namespace cale

@@ -37,8 +37,7 @@ constexpr auto kPollInterval = std::chrono::milliseconds(100);
 constexpr auto kGrace = std::chrono::seconds(1);
 constexpr auto kPause = std::chrono::seconds(10);
 
-/// The state of a run in the messages and the table: one that came to the step at which it was to pause is not
-/// finished.
+/// The state of a run as it is shown: one that came to the step at which it was to pause is not finished.
 std::string_view shown_state(const PlannedRun& planned, RunPhase state) {
     return state == RunPhase::finished && planned.until > 0 ? "paused" : name_of(state);
 }

@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <fstream>
 #include <system_error>
-#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -178,34 +177,26 @@ std::string last_log_line(const fs::path& folder, std::int64_t from) {
 // and known to network file systems.
 std::optional<RunClaim> RunClaim::take(const fs::path& folder) {
     const auto file = folder / kClaim;
-    RunClaim claim(above_standard_streams(::open(file.c_str(), O_RDWR | O_CREAT, 0666)));
-    if (claim.descriptor_ < 0)
+    RunClaim claim(Descriptor(above_standard_streams(::open(file.c_str(), O_RDWR | O_CREAT, 0666))));
+    if (!claim.file_.is_open())
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot open '{}'", file.string()));
     auto all = whole_file(F_WRLCK);
     const bool taken =
-        ::fcntl(claim.descriptor_, F_OFD_SETLK, &all) != 0 && (errno == EAGAIN || errno == EACCES);
+        ::fcntl(claim.file_.get(), F_OFD_SETLK, &all) != 0 && (errno == EAGAIN || errno == EACCES);
     if (taken || RunLock::is_taken(folder)) return std::nullopt;
     return claim;
 }
 
 bool RunClaim::is_taken(const fs::path& folder) {
-    const int file = ::open((folder / kClaim).c_str(), O_RDWR | O_CLOEXEC);
-    if (file >= 0) {
+    if (const Descriptor file(::open((folder / kClaim).c_str(), O_RDWR | O_CLOEXEC)); file.is_open()) {
         auto all = whole_file(F_WRLCK);
-        const bool answered = ::fcntl(file, F_OFD_GETLK, &all) == 0;
-        ::close(file);
+        const bool answered = ::fcntl(file.get(), F_OFD_GETLK, &all) == 0;
         // In this order: a program that a sweep has just started must not find its lock taken by this
         // question.
         if (answered && all.l_type != F_UNLCK) return true;
     }
     return RunLock::is_taken(folder);
-}
-
-RunClaim::RunClaim(RunClaim&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
-
-RunClaim::~RunClaim() {
-    if (descriptor_ >= 0) ::close(descriptor_);
 }
 
 }  // namespace cale

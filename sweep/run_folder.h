@@ -8,6 +8,9 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include "storage/descriptor.h"
 
 namespace cale {
 
@@ -70,13 +73,9 @@ class RunClaim {
     /// Returns whether take() would find another process there.
     static bool is_taken(const std::filesystem::path& folder);
 
-    RunClaim(RunClaim&& other) noexcept;
-    RunClaim& operator=(RunClaim&&) = delete;
-    ~RunClaim();
-
   private:
-    explicit RunClaim(int descriptor) : descriptor_(descriptor) {}
-    int descriptor_;  // a child inherits it
+    explicit RunClaim(Descriptor file) : file_(std::move(file)) {}
+    Descriptor file_;  // a child inherits it
 };
 
 }  // namespace cale

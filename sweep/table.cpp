@@ -21,7 +21,7 @@ constexpr std::size_t kOtherColumns = 2 + 11 + 2 + 17 + 2 + 8 + 2 + 9 + 2 + 8;
 
 /// Whether a character of UTF-8 begins there.
 bool begins_character(const std::string& text, std::size_t at) {
-    return at >= text.size() || (static_cast<unsigned char>(text[at]) & 0xC0) != 0x80;
+    return at >= text.size() || !continues_character(text[at]);
 }
 
 /// The first bytes that `width` has room for, in whole characters.

@@ -134,8 +134,7 @@ Task task_of(const Options& options, const fs::path& path, torch::Device device)
     const PolicyInfo& info = task.policy.info();
     task.plan = plan_of(options, environment_of(options, info));
     require_playable(info, task.plan.env);
-    task.sampled =
-        (options.sampled && can_sample(task.policy)) || (info.evaluation_samples && !options.greedy);
+    task.sampled = draws_actions(task.policy, options.sampled, options.greedy);
     return task;
 }
 

@@ -86,8 +86,7 @@ PlayPlan plan_of(const Options& options) {
     require_playable(policy->info(), plan.env);
     if (options.sampled && !can_sample(*policy))
         std::fputs(fmt::format("cale play: {}\n", kDrawsNothing).c_str(), stderr);
-    const bool sampled = options.sampled || (policy->info().evaluation_samples && !options.greedy);
-    plan.decide = decide_by(*policy, sampled, options.seed);
+    plan.decide = decide_by(*policy, draws_actions(*policy, options.sampled, options.greedy), options.seed);
     return plan;
 }
 
