@@ -42,6 +42,8 @@ AGENTS = {
     "der__config=joystick100k__encoder=phi_dqn_2013__update_horizon=10__distributional=true"
     "__max_frames_per_episode=18_000": "five-minute Rainbow",
     "der__update_horizon=10": "10-step joystick Rainbow",
+    "der__update_horizon=3": "3-step joystick Rainbow",
+    "der__update_horizon=3__distributional=true": "3-step joystick Rainbow with C51",
     "der__update_horizon=10__distributional=true__dueling=true__prioritised=true__learning_rate=1e-4"
     "__adam_epsilon=1.5e-4__target_update_period=2_000__layer_norm=false": "joystick Rainbow with DER's settings",
 }
