@@ -37,11 +37,6 @@ constexpr auto kPollInterval = std::chrono::milliseconds(100);
 constexpr auto kGrace = std::chrono::seconds(1);
 constexpr auto kPause = std::chrono::seconds(10);
 
-/// The state of a run as it is shown: one that came to the step at which it was to pause is not finished.
-std::string_view shown_state(const PlannedRun& planned, RunPhase state) {
-    return state == RunPhase::finished && planned.until > 0 ? "paused" : name_of(state);
-}
-
 std::atomic<int> stops = 0;  // counted in a signal handler
 std::atomic<int> interrupts = 0;
 static_assert(std::atomic<int>::is_always_lock_free, "a signal handler may not wait");
@@ -67,6 +62,12 @@ struct Job {
     std::optional<std::string> mismatch{};
     std::size_t slot = 0;
 };
+
+/// Its state as it is shown: a run that came to the step at which it was to pause is not finished.
+std::string_view shown_state(const Job& job) {
+    return job.status.state == RunPhase::finished && job.planned->until > 0 ? "paused"
+                                                                            : name_of(job.status.state);
+}
 
 class LocalRunner {
   public:
@@ -156,7 +157,7 @@ class LocalRunner {
         if (is_finished(job.folder, planned.end)) {
             job.status.state = RunPhase::finished;
             job.status.step = newest_checkpoint(job.folder).value_or(planned.end.total_steps);
-            return say(shown_state(planned, RunPhase::finished), job, "by another process");
+            return say(shown_state(job), job, "by another process");
         }
         const auto checkpoint = newest_checkpoint(job.folder);
         if (!checkpoint) prepare_for_start(job.folder);
@@ -219,7 +220,7 @@ class LocalRunner {
             auto text = fmt::format("in {}", duration_text(seconds));
             if (job.planned->until > 0) text = fmt::format("at step {} ", job.status.step) + text;
             if (job.status.mean_return) text += fmt::format(", return {:.1f}", *job.status.mean_return);
-            return say(shown_state(*job.planned, RunPhase::finished), job, text);
+            return say(shown_state(job), job, text);
         }
         if (stops > 0) return say("stopped", job, fmt::format("at step {}", job.status.step));
         const auto last_line = last_log_line(job.folder, job.log_begin);
@@ -277,7 +278,7 @@ class LocalRunner {
         std::vector<RunRow> result;
         for (const auto& job : jobs_) {
             result.push_back({.name = job.planned->run.name,
-                              .state = std::string(shown_state(*job.planned, job.status.state)),
+                              .state = std::string(shown_state(job)),
                               .status = job.status,
                               .end = job.planned->end});
         }
