@@ -1,4 +1,5 @@
-// The tables of docs/results.md and policies/README.md say what the CSV files beside them say.
+// The tables of docs/results.md, docs/results_other.md and policies/README.md say what the CSV files beside
+// them say.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -104,16 +105,18 @@ std::string difference(const PrintedTable& table, const std::vector<std::string>
 }
 
 TEST(Results, TheTablesSayWhatTheFilesSay) {
-    const auto tables = printed_tables(kDocs / "results.md");
-    EXPECT_THAT(tables, testing::Not(testing::IsEmpty()));
-    for (const auto& table : tables) {
-        const auto csv = read_csv(table.csv);
-        EXPECT_THAT(table.rows, testing::Not(testing::IsEmpty())) << table.csv;
-        for (const auto& column : table.columns)
-            EXPECT_TRUE(csv.find(column) || kSaidOfThem.contains(column)) << table.csv << ": " << column;
-        for (const auto& row : table.rows)
-            EXPECT_EQ(difference(table, row, csv), "")
-                << table.csv << ": " << fmt::format("{}", fmt::join(row, " | "));
+    for (const auto* page : {"results.md", "results_other.md"}) {
+        const auto tables = printed_tables(kDocs / page);
+        EXPECT_THAT(tables, testing::Not(testing::IsEmpty())) << page;
+        for (const auto& table : tables) {
+            const auto csv = read_csv(table.csv);
+            EXPECT_THAT(table.rows, testing::Not(testing::IsEmpty())) << table.csv;
+            for (const auto& column : table.columns)
+                EXPECT_TRUE(csv.find(column) || kSaidOfThem.contains(column)) << table.csv << ": " << column;
+            for (const auto& row : table.rows)
+                EXPECT_EQ(difference(table, row, csv), "")
+                    << table.csv << ": " << fmt::format("{}", fmt::join(row, " | "));
+        }
     }
 }
 
