@@ -12,6 +12,7 @@
 
 #include "cale/cores.h"
 #include "cale/seeds.h"
+#include "report/ranges.h"
 
 namespace cale {
 namespace {
@@ -25,12 +26,6 @@ void check(const Scores& scores) {
         if (!std::all_of(runs.begin(), runs.end(), [](double score) { return std::isfinite(score); }))
             throw std::invalid_argument("a score to aggregate is not a finite number");
     }
-}
-
-std::vector<std::uint32_t> sizes_of(const Scores& scores) {
-    std::vector<std::uint32_t> sizes;
-    for (const auto& runs : scores) sizes.push_back(static_cast<std::uint32_t>(runs.size()));
-    return sizes;
 }
 
 std::vector<double> flattened(const Scores& scores) {
@@ -85,10 +80,11 @@ class Draws {
     bool half_used_ = false;
 };
 
-void resample(Draws draws, const std::vector<std::uint32_t>& sizes, std::vector<std::uint32_t>& counts) {
+void resample(Draws draws, const Scores& strata, std::vector<std::uint32_t>& counts) {
     std::fill(counts.begin(), counts.end(), 0u);
     auto* stratum = counts.data();
-    for (const auto size : sizes) {
+    for (const auto& runs : strata) {
+        const auto size = static_cast<std::uint32_t>(runs.size());
         for (std::uint32_t i = 0; i < size; ++i) ++stratum[draws.below(size)];
         stratum += size;
     }
@@ -106,18 +102,17 @@ void in_parallel(std::int64_t count, int threads,
     work(0, count / parts);
 }
 
-/// `statistic` writes its width() values for the runs of a resample, given as Counts: how often each
-/// score is in it, the strata one after the other. The estimate is its value where each is once.
+/// `statistic` writes its `width` values for the runs of a resample, given as Counts: how often each score is
+/// in it, the strata one after the other. The estimate is its value where each is once.
 template <class Statistic>
-std::vector<Estimate> bootstrapped(const Statistic& statistic, const std::vector<std::uint32_t>& sizes,
-                                   const Bootstrap& config) {
+std::vector<Estimate> bootstrapped(const Scores& strata, const Bootstrap& config, std::size_t width,
+                                   const Statistic& statistic) {
     if (config.resamples < 1)
         throw std::invalid_argument(fmt::format("{} resamples: at least one is needed", config.resamples));
     if (!(config.confidence > 0 && config.confidence < 1))
         throw std::invalid_argument(
             fmt::format("a confidence of {}: it lies between 0 and 1", config.confidence));
-    const std::size_t width = statistic.width();
-    const auto total = std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
+    const auto total = flattened(strata).size();
     const auto resamples = static_cast<std::size_t>(config.resamples);
 
     std::vector<double> values(width);
@@ -130,7 +125,7 @@ std::vector<Estimate> bootstrapped(const Statistic& statistic, const std::vector
         std::vector<std::uint32_t> counts(total);
         std::vector<double> row(width);
         for (auto r = begin; r < end; ++r) {
-            resample(Draws(config.seed, r), sizes, counts);
+            resample(Draws(config.seed, r), strata, counts);
             own(counts, row);
             for (std::size_t i = 0; i < width; ++i)
                 replicates[i * resamples + static_cast<std::size_t>(r)] = row[i];
@@ -146,148 +141,29 @@ std::vector<Estimate> bootstrapped(const Statistic& statistic, const std::vector
     return estimates;
 }
 
-/// All four metrics. With the scores in ascending order once and for all, a resample needs no sorting.
-class AggregateStatistic {
-  public:
-    explicit AggregateStatistic(const Scores& scores)
-        : scores_(flattened(scores)), order_(ascending(scores_)), sizes_(sizes_of(scores)) {}
-
-    std::size_t width() const { return kMetricCount; }
-
-    void operator()(Counts counts, std::span<double> out) {
-        const std::size_t total = scores_.size(), cut = total / 4;
-        double middle = 0, gap = 0;
-        std::size_t seen = 0;
-        for (const auto i : order_) {
-            const std::size_t first = std::max(seen, cut), last = std::min(seen + counts[i], total - cut);
-            if (first < last) middle += static_cast<double>(last - first) * scores_[i];
-            gap += counts[i] * (1 - std::min(scores_[i], 1.0));
-            seen += counts[i];
-        }
-        game_means_.clear();
-        double mean = 0;
-        std::size_t start = 0;
-        for (const auto size : sizes_) {
-            double sum = 0;
-            for (auto i = start; i < start + size; ++i) sum += counts[i] * scores_[i];
-            game_means_.push_back(sum / size);
-            mean += game_means_.back();
-            start += size;
-        }
-        out[static_cast<std::size_t>(Metric::iqm)] = middle / static_cast<double>(total - 2 * cut);
-        out[static_cast<std::size_t>(Metric::median)] = median_of(game_means_);
-        out[static_cast<std::size_t>(Metric::mean)] = mean / static_cast<double>(sizes_.size());
-        out[static_cast<std::size_t>(Metric::optimality_gap)] = gap / static_cast<double>(total);
-    }
-
-  private:
-    std::vector<double> scores_;
-    std::vector<std::uint32_t> order_;
-    std::vector<std::uint32_t> sizes_;
-    std::vector<double> game_means_{};  // of the resample at hand
+/// A run of x or y among those of its game.
+struct RankedRun {
+    double score;
+    std::uint32_t index;  // in a resample's counts
+    bool of_x;
+    bool last_of_equals;
 };
 
-class MeanStatistic {
-  public:
-    explicit MeanStatistic(const std::vector<double>& runs) : runs_(runs) {}
-
-    std::size_t width() const { return 1; }
-
-    void operator()(Counts counts, std::span<double> out) {
-        double sum = 0;
-        for (std::size_t i = 0; i < runs_.size(); ++i) sum += counts[i] * runs_[i];
-        out[0] = sum / static_cast<double>(runs_.size());
-    }
-
-  private:
-    std::vector<double> runs_;
-};
-
-class ProfileStatistic {
-  public:
-    ProfileStatistic(const Scores& scores, const std::vector<double>& thresholds) {
-        const auto all = flattened(scores);
-        order_ = ascending(all);
-        for (const double threshold : thresholds) {
-            const auto first = std::partition_point(order_.begin(), order_.end(),
-                                                    [&](auto i) { return !(all[i] > threshold); });
-            not_above_.push_back(static_cast<std::size_t>(first - order_.begin()));
-        }
-    }
-
-    std::size_t width() const { return not_above_.size(); }
-
-    void operator()(Counts counts, std::span<double> out) {
-        std::size_t rank = 0, below = 0;
-        for (std::size_t i = 0; i < not_above_.size(); ++i) {
-            for (; rank < not_above_[i]; ++rank) below += counts[order_[rank]];
-            out[i] = 1 - static_cast<double>(below) / static_cast<double>(order_.size());
-        }
-    }
-
-  private:
-    std::vector<std::uint32_t> order_{};
-    std::vector<std::size_t> not_above_{};  // by threshold: how many of `order_` are not above it
-};
-
-/// The strata: x's games, then y's.
-class ImprovementStatistic {
-  public:
-    ImprovementStatistic(const Scores& x, const Scores& y) {
-        std::uint32_t x_start = 0;
-        auto y_start = static_cast<std::uint32_t>(flattened(x).size());
-        for (std::size_t game = 0; game < x.size(); ++game) {
-            add_game(x[game], y[game], x_start, y_start);
-            x_start += static_cast<std::uint32_t>(x[game].size());
-            y_start += static_cast<std::uint32_t>(y[game].size());
-        }
-    }
-
-    std::size_t width() const { return 1; }
-
-    void operator()(Counts counts, std::span<double> out) {
-        double probability = 0;
-        for (const auto& game : games_) {
-            double wins = 0, y_below = 0, x_equal = 0, y_equal = 0;
-            for (const auto& run : game.ascending) {
-                (run.of_x ? x_equal : y_equal) += counts[run.index];
-                if (!run.last_of_equals) continue;
-                wins += x_equal * (y_below + y_equal / 2);
-                y_below += y_equal;
-                x_equal = y_equal = 0;
-            }
-            probability += wins / game.pairs;
-        }
-        out[0] = probability / static_cast<double>(games_.size());
-    }
-
-  private:
-    struct Run {
-        double score;
-        std::uint32_t index;
-        bool of_x;
-        bool last_of_equals;
-    };
-    struct Ranking {  // of the runs of one game
-        std::vector<Run> ascending{};
-        double pairs = 0;
-    };
-
-    void add_game(const std::vector<double>& x, const std::vector<double>& y, std::uint32_t x_start,
-                  std::uint32_t y_start) {
-        Ranking game;
-        game.pairs = static_cast<double>(x.size() * y.size());
-        for (const double score : x) game.ascending.push_back({score, x_start++, true, false});
-        for (const double score : y) game.ascending.push_back({score, y_start++, false, false});
-        auto& runs = game.ascending;
-        std::sort(runs.begin(), runs.end(), [](const Run& a, const Run& b) { return a.score < b.score; });
+/// The runs of each game, in ascending order. The strata: x's games, then y's.
+std::vector<std::vector<RankedRun>> ranked(const Scores& x, const Scores& y) {
+    std::vector<std::vector<RankedRun>> games(x.size());
+    std::uint32_t index = 0;
+    for (const bool of_x : {true, false})
+        for (std::size_t game = 0; game < games.size(); ++game)
+            for (const double score : (of_x ? x : y)[game])
+                games[game].push_back({score, index++, of_x, false});
+    for (auto& runs : games) {
+        std::ranges::sort(runs, {}, &RankedRun::score);
         for (std::size_t i = 0; i < runs.size(); ++i)
             runs[i].last_of_equals = i + 1 == runs.size() || runs[i + 1].score != runs[i].score;
-        games_.push_back(std::move(game));
     }
-
-    std::vector<Ranking> games_{};
-};
+    return games;
+}
 
 }  // namespace
 
@@ -295,6 +171,10 @@ std::span<const std::string_view> names_of(Metric) {
     static constexpr std::array<std::string_view, kMetricCount> kNames{"iqm", "median", "mean",
                                                                        "optimality_gap"};
     return kNames;
+}
+
+bool nearly_equal(double low, double high) {
+    return high - low <= 1e-9 * std::max(std::abs(low), std::abs(high));
 }
 
 double human_normalised(double score, const Game& game) {
@@ -305,15 +185,46 @@ double human_normalised(double score, const Game& game) {
 
 Aggregates aggregate(const Scores& scores, const Bootstrap& bootstrap) {
     check(scores);
-    const auto estimates = bootstrapped(AggregateStatistic(scores), sizes_of(scores), bootstrap);
+    const auto all = flattened(scores);
+    const auto order = ascending(all);  // so that a resample needs no sorting
+    const auto statistic = [&, game_means = std::vector<double>()](Counts counts,
+                                                                   std::span<double> out) mutable {
+        const std::size_t total = all.size(), cut = total / 4;
+        double middle = 0, gap = 0;
+        std::size_t seen = 0;
+        for (const auto i : order) {
+            const std::size_t first = std::max(seen, cut), last = std::min(seen + counts[i], total - cut);
+            if (first < last) middle += static_cast<double>(last - first) * all[i];
+            gap += counts[i] * (1 - std::min(all[i], 1.0));
+            seen += counts[i];
+        }
+        game_means.clear();
+        double mean = 0;
+        auto count = counts.begin();
+        for (const auto& runs : scores) {
+            double sum = 0;
+            for (const double score : runs) sum += *count++ * score;
+            game_means.push_back(sum / static_cast<double>(runs.size()));
+            mean += game_means.back();
+        }
+        out[static_cast<std::size_t>(Metric::iqm)] = middle / static_cast<double>(total - 2 * cut);
+        out[static_cast<std::size_t>(Metric::median)] = median_of(game_means);
+        out[static_cast<std::size_t>(Metric::mean)] = mean / static_cast<double>(scores.size());
+        out[static_cast<std::size_t>(Metric::optimality_gap)] = gap / static_cast<double>(total);
+    };
+    const auto estimates = bootstrapped(scores, bootstrap, kMetricCount, statistic);
     Aggregates aggregates;
-    std::copy(estimates.begin(), estimates.end(), aggregates.begin());
+    std::ranges::copy(estimates, aggregates.begin());
     return aggregates;
 }
 
 Estimate mean_of_runs(const std::vector<double>& runs, const Bootstrap& bootstrap) {
     check({runs});
-    return bootstrapped(MeanStatistic(runs), sizes_of({runs}), bootstrap).front();
+    const auto mean = [&](Counts counts, std::span<double> out) {
+        out[0] = std::inner_product(runs.begin(), runs.end(), counts.begin(), 0.0) /
+                 static_cast<double>(runs.size());
+    };
+    return bootstrapped({runs}, bootstrap, 1, mean).front();
 }
 
 std::vector<Estimate> performance_profile(const Scores& scores, const std::vector<double>& thresholds,
@@ -321,7 +232,21 @@ std::vector<Estimate> performance_profile(const Scores& scores, const std::vecto
     check(scores);
     if (!std::is_sorted(thresholds.begin(), thresholds.end()))
         throw std::invalid_argument("the thresholds of a performance profile must ascend");
-    return bootstrapped(ProfileStatistic(scores, thresholds), sizes_of(scores), bootstrap);
+    const auto all = flattened(scores);
+    const auto order = ascending(all);
+    const auto not_above = mapped(thresholds, [&](double threshold) {  // how many of `order` are
+        return std::ranges::partition_point(order, [&](auto i) { return !(all[i] > threshold); }) -
+               order.begin();
+    });
+    const auto part_above = [&](Counts counts, std::span<double> out) {
+        std::size_t below = 0;
+        auto next = order.begin();
+        for (std::size_t i = 0; i < out.size(); ++i) {
+            for (; next < order.begin() + not_above[i]; ++next) below += counts[*next];
+            out[i] = 1 - static_cast<double>(below) / static_cast<double>(order.size());
+        }
+    };
+    return bootstrapped(scores, bootstrap, thresholds.size(), part_above);
 }
 
 Estimate probability_of_improvement(const Scores& x, const Scores& y, const Bootstrap& bootstrap) {
@@ -331,10 +256,25 @@ Estimate probability_of_improvement(const Scores& x, const Scores& y, const Boot
         throw std::invalid_argument(
             fmt::format("runs on {} games cannot be compared with runs on {}: the games must be the same",
                         x.size(), y.size()));
-    auto sizes = sizes_of(x);
-    const auto sizes_of_y = sizes_of(y);
-    sizes.insert(sizes.end(), sizes_of_y.begin(), sizes_of_y.end());
-    return bootstrapped(ImprovementStatistic(x, y), sizes, bootstrap).front();
+    const auto games = ranked(x, y);
+    const auto improvement = [&](Counts counts, std::span<double> out) {
+        double probability = 0;
+        for (std::size_t game = 0; game < games.size(); ++game) {
+            double wins = 0, y_below = 0, x_equal = 0, y_equal = 0;
+            for (const auto& run : games[game]) {
+                (run.of_x ? x_equal : y_equal) += counts[run.index];
+                if (!run.last_of_equals) continue;
+                wins += x_equal * (y_below + y_equal / 2);
+                y_below += y_equal;
+                x_equal = y_equal = 0;
+            }
+            probability += wins / static_cast<double>(x[game].size() * y[game].size());
+        }
+        out[0] = probability / static_cast<double>(games.size());
+    };
+    auto strata = x;
+    strata.insert(strata.end(), y.begin(), y.end());
+    return bootstrapped(strata, bootstrap, 1, improvement).front();
 }
 
 }  // namespace cale

@@ -42,6 +42,9 @@ std::span<const std::string_view> names_of(Metric);  // "iqm", "median", "mean",
 /// and mean: of the games' means. Optimality gap: by how much scores miss 1, those above not counted.
 using Aggregates = std::array<Estimate, kMetricCount>;
 
+/// Whether two numbers, low <= high, are alike but for their last digits, as means of equal numbers may be.
+bool nearly_equal(double low, double high);
+
 /// (score - random) / (human - random): 0 plays like the random agent, 1 like the human.
 /// Throws std::invalid_argument for the games that have no human score.
 double human_normalised(double score, const Game& game);

@@ -1,7 +1,6 @@
 #include "report/baselines.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -11,21 +10,13 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
-#include "report/csv.h"
+#include "report/ranges.h"
 
 namespace cale {
 namespace {
 
 constexpr std::array<std::string_view, 3> kNotScores{"game", "cale60", "atari100k"};
 constexpr std::array<std::string_view, 2> kBeyondTheSixty{"defender", "surround"};  // of published tables
-
-std::vector<std::string> score_columns(const CsvTable& table) {
-    std::vector<std::string> names;
-    for (const auto& column : table.columns)
-        if (std::find(kNotScores.begin(), kNotScores.end(), column) == kNotScores.end())
-            names.push_back(column);
-    return names;
-}
 
 /// The three that are most like `wanted`: those that hold it first, then those with the fewest mistakes in
 /// it.
@@ -53,14 +44,17 @@ const Game& game_in(const CsvTable& table, std::size_t row, const std::string& n
 std::vector<Baseline> read_baselines(const CsvTable& table, const std::vector<std::string>& names) {
     const auto game_column = table.find("game");
     if (!game_column) throw std::runtime_error(fmt::format("{} has no column 'game'", table.path.string()));
-    const auto known = score_columns(table);
+    auto known = table.columns;
+    std::erase_if(known,
+                  [](const auto& name) { return std::ranges::find(kNotScores, name) != kNotScores.end(); });
     std::vector<Baseline> baselines;
     for (const auto& name : names) {
-        if (std::find(known.begin(), known.end(), name) == known.end())
+        const auto columns = std::ranges::count(known, name);
+        if (columns == 0)
             throw std::invalid_argument(
                 fmt::format("--baselines {}: {} has no such column; the nearest are {}", name,
-                            table.path.string(), fmt::join(nearest_names(name, known), ", ")));
-        if (std::ranges::count(known, name) > 1)
+                            table.path.string(), joined(nearest_names(name, known), ", ")));
+        if (columns > 1)
             throw std::runtime_error(
                 fmt::format("{}: two columns are called '{}'; rename one", table.path.string(), name));
         const auto column = *table.find(name);

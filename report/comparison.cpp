@@ -1,20 +1,19 @@
 #include "report/comparison.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
-#include <map>
 #include <optional>
 #include <set>
 #include <stdexcept>
-#include <string_view>
 #include <tuple>
 
 #include "cale/random_play.h"
 #include "cale/text.h"
+#include "report/ranges.h"
 
 namespace cale {
 namespace {
@@ -48,36 +47,34 @@ std::vector<double> common_steps(const std::vector<const Run*>& runs) {
     return steps;
 }
 
-std::vector<double> mean_event_shares(const std::vector<const Run*>& runs) {
-    std::vector<double> mean;
-    double count = 0;
-    for (const auto* run : runs) {
-        if (run->event_shares.empty()) continue;
-        mean.resize(run->event_shares.size());
-        for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += run->event_shares[i];
-        ++count;
-    }
-    for (auto& share : mean) share /= count;
+/// Element by element, of vectors that are equally long.
+std::vector<double> mean_of(const std::vector<std::vector<double>>& rows) {
+    if (rows.empty()) return {};
+    auto mean = rows.front();
+    for (std::size_t row = 1; row < rows.size(); ++row)
+        std::ranges::transform(mean, rows[row], mean.begin(), std::plus());
+    for (auto& value : mean) value /= static_cast<double>(rows.size());
     return mean;
+}
+
+std::vector<double> mean_event_shares(const std::vector<const Run*>& runs) {
+    auto shares = mapped(runs, &Run::event_shares);
+    std::erase(shares, std::vector<double>());
+    return mean_of(shares);
 }
 
 /// Quantile by quantile the mean of those runs that have the same quantiles as the first.
 std::vector<RewardQuantile> mean_reward_quantiles(const std::vector<const Run*>& runs) {
-    std::vector<RewardQuantile> mean;
-    double count = 0;
+    std::vector<double> quantiles;
+    std::vector<std::vector<double>> rewards;
     for (const auto* run : runs) {
-        const auto& own = run->reward_quantiles;
-        if (own.empty() || (!mean.empty() && !std::ranges::equal(mean, own, {}, &RewardQuantile::quantile,
-                                                                 &RewardQuantile::quantile)))
-            continue;
-        if (mean.empty()) {
-            mean = own;
-        } else {
-            for (std::size_t i = 0; i < mean.size(); ++i) mean[i].reward += own[i].reward;
-        }
-        ++count;
+        const auto own = mapped(run->reward_quantiles, &RewardQuantile::quantile);
+        if (quantiles.empty()) quantiles = own;
+        if (!own.empty() && own == quantiles)
+            rewards.push_back(mapped(run->reward_quantiles, &RewardQuantile::reward));
     }
-    for (auto& quantile : mean) quantile.reward /= count;
+    std::vector<RewardQuantile> mean;
+    for (const double reward : mean_of(rewards)) mean.push_back({quantiles[mean.size()], reward});
     return mean;
 }
 
@@ -103,48 +100,44 @@ std::vector<ZoneRow> mean_zones(const std::vector<const Run*>& runs) {
     return mean;
 }
 
-GameResult result_on(const Game& game, std::vector<const Run*> runs, const Bootstrap& bootstrap,
-                     const Bootstrap& for_bands) {
-    std::sort(runs.begin(), runs.end(), [](const Run* a, const Run* b) { return a->seed < b->seed; });
-    const auto at = [&](auto&& score_of) {
-        std::vector<double> scores;
-        scores.reserve(runs.size());
-        for (const auto* run : runs) scores.push_back(score_of(*run));
-        return scores;
-    };
+GameResult result_on(const Game& game, std::vector<const Run*> runs, const ComparisonConfig& config) {
+    std::ranges::sort(runs, {}, &Run::seed);
     GameResult result{.game = &game, .runs = runs};
-    result.mean = mean_of_runs(at([](const Run& run) { return run.score(); }), bootstrap);
+    result.mean = mean_of_runs(mapped(runs, &Run::score), config.bootstrap);
     result.curve.steps = common_steps(runs);
-    for (const double step : result.curve.steps) {
-        result.curve.values.push_back(
-            mean_of_runs(at([&](const Run& run) { return score_at(run, step).value(); }), for_bands));
-    }
+    result.curve.values = mapped(result.curve.steps, [&](double step) {
+        const auto then = [step](const Run* run) { return score_at(*run, step).value(); };
+        return mean_of_runs(mapped(runs, then), config.for_bands());
+    });
     result.event_shares = mean_event_shares(runs);
     result.reward_quantiles = mean_reward_quantiles(runs);
     result.zones = mean_zones(runs);
     return result;
 }
 
-GroupResult result_of(const Group& group, const Bootstrap& bootstrap, const Bootstrap& for_bands) {
+GroupResult result_of(const Group& group, const ComparisonConfig& config) {
     std::map<std::string_view, std::vector<const Run*>> by_game;
     for (const auto& run : group.runs) by_game[run.game->name].push_back(&run);
     GroupResult result{.label = group.label};
     for (const auto& [name, runs] : by_game)
-        result.games.push_back(result_on(*runs.front()->game, runs, bootstrap, for_bands));
+        result.games.push_back(result_on(*runs.front()->game, runs, config));
     return result;
-}
-
-bool any_variant(const GameResult* game) {
-    return game != nullptr &&
-           std::ranges::any_of(game->runs, [](const Run* run) { return run->env && is_variant(*run->env); });
 }
 
 /// "a; b; c and 9 other groups"
 std::string some_of(const std::vector<std::string_view>& groups) {
-    constexpr std::size_t kNamed = 3;
-    const auto named = std::min(groups.size(), kNamed);
-    const auto text = fmt::format("{}", fmt::join(std::span(groups).first(named), "; "));
+    const auto named = std::min<std::size_t>(groups.size(), 3);
+    const auto text = joined(std::span(groups).first(named), "; ");
     return named == groups.size() ? text : text + " and " + counted(groups.size() - named, "other group");
+}
+
+/// The labels of the groups in which a run is so.
+template <class Is>
+std::vector<std::string> groups_where(const Comparison& comparison, Is&& is) {
+    std::vector<std::string> labels;
+    for (const auto& group : comparison.groups)
+        if (std::ranges::any_of(group.runs, is)) labels.push_back(group.label);
+    return labels;
 }
 
 /// Fills `games` and `left_out_games`.
@@ -152,64 +145,54 @@ void choose_games(Comparison& comparison) {
     for (const auto& game : all_games()) {
         std::vector<std::string_view> without;
         for (const auto& result : comparison.results)
-            if (find_game_in(result, game.name) == nullptr) without.push_back(result.label);
+            if (result.find(game.name) == nullptr) without.push_back(result.label);
         if (without.size() == comparison.results.size()) continue;  // no run played it
+        const auto is_variant_of_game = [&](const Run& run) {
+            return run.game == &game && run.env && is_variant(*run.env);
+        };
+        std::string reason;
         if (!game.human_score || !game.random_score) {
-            comparison.left_out_games.push_back(
-                {std::string(game.name), "there is no human score to normalise with"});
-        } else if (std::ranges::any_of(comparison.results, [&](const GroupResult& result) {
-                       return any_variant(find_game_in(result, game.name));
-                   })) {
-            comparison.left_out_games.push_back(
-                {std::string(game.name),
-                 "env.mode or env.difficulty is set, and no human score is of that variant"});
+            reason = "there is no human score to normalise with";
+        } else if (!groups_where(comparison, is_variant_of_game).empty()) {
+            reason = "env.mode or env.difficulty is set, and no human score is of that variant";
         } else if (!without.empty()) {
-            comparison.left_out_games.push_back(
-                {std::string(game.name), fmt::format("no run of {}", some_of(without))});
+            reason = fmt::format("no run of {}", some_of(without));
         } else {
             comparison.games.push_back(&game);
+            continue;
         }
+        comparison.left_out_games.push_back({std::string(game.name), reason});
     }
 }
 
-Scores normalised_at(const GroupResult& result, std::optional<double> step) {
-    Scores scores;
-    for (const auto& game : result.games) {
-        auto& of_game = scores.emplace_back();
-        for (const auto* run : game.runs)
-            of_game.push_back(
-                human_normalised(step ? score_at(*run, *step).value() : run->score(), *game.game));
-    }
-    return scores;
+Scores normalised_at(const std::vector<GameResult>& games, std::optional<double> step) {
+    return mapped(games, [&](const GameResult& game) {
+        return mapped(game.runs, [&](const Run* run) {
+            return human_normalised(step ? score_at(*run, *step).value() : run->score(), *game.game);
+        });
+    });
 }
 
-/// The same group on the compared games alone.
-GroupResult on_compared_games(const GroupResult& result, const std::vector<const Game*>& compared) {
-    GroupResult only{.label = result.label};
-    for (const auto* game : compared) only.games.push_back(*find_game_in(result, game->name));
-    return only;
-}
-
-void count_runs(GroupResult& result, const GroupResult& counted) {
-    result.least_runs = counted.games.front().runs.size();
-    for (const auto& game : counted.games) {
-        result.least_runs = std::min(result.least_runs, game.runs.size());
-        result.most_runs = std::max(result.most_runs, game.runs.size());
-    }
+void count_runs(GroupResult& result, const std::vector<GameResult>& games) {
+    const auto [least, most] =
+        std::ranges::minmax(mapped(games, [](const auto& game) { return game.runs.size(); }));
+    result.least_runs = least;
+    result.most_runs = most;
 }
 
 void aggregate_group(GroupResult& result, const std::vector<const Game*>& compared,
-                     const Bootstrap& bootstrap, const Bootstrap& for_bands) {
-    if (compared.empty()) return count_runs(result, result);
-    const auto only = on_compared_games(result, compared);
-    count_runs(result, only);
-    result.scores = normalised_at(only, std::nullopt);
-    result.aggregates = aggregate(result.scores, bootstrap);
+                     const ComparisonConfig& config) {
+    if (compared.empty()) return count_runs(result, result.games);
+    const auto games = mapped(compared, [&](const Game* game) { return *result.find(game->name); });
+    count_runs(result, games);
+    result.scores = normalised_at(games, std::nullopt);
+    result.aggregates = aggregate(result.scores, config.bootstrap);
     std::vector<const Run*> runs;
-    for (const auto& game : only.games) runs.insert(runs.end(), game.runs.begin(), game.runs.end());
+    for (const auto& game : games) runs.insert(runs.end(), game.runs.begin(), game.runs.end());
     result.curve_steps = common_steps(runs);
-    for (const double step : result.curve_steps)
-        result.curve.push_back(aggregate(normalised_at(only, step), for_bands));
+    result.curve = mapped(result.curve_steps, [&](double step) {
+        return aggregate(normalised_at(games, step), config.for_bands());
+    });
 }
 
 /// From 0 to the best run, at least to 1 and at most to 8 human scores; close, since the profile is a
@@ -226,14 +209,15 @@ std::vector<double> profile_thresholds(const std::vector<GroupResult>& results) 
     return thresholds;
 }
 
-void compare_groups(Comparison& comparison, const Bootstrap& for_bands) {
+void compare_groups(Comparison& comparison) {
     comparison.thresholds = profile_thresholds(comparison.results);
     for (auto& result : comparison.results)
-        result.profile = performance_profile(result.scores, comparison.thresholds, for_bands);
-    const bool any_own = !std::ranges::all_of(comparison.groups, is_recorded);
+        result.profile =
+            performance_profile(result.scores, comparison.thresholds, comparison.config.for_bands());
+    const bool any_own = !std::ranges::all_of(comparison.groups, &Group::is_recorded);
     for (std::size_t x = 0; x < comparison.results.size(); ++x) {
         for (std::size_t y = x + 1; y < comparison.results.size(); ++y) {
-            if (any_own && is_recorded(comparison.groups[x]) && is_recorded(comparison.groups[y])) continue;
+            if (any_own && comparison.groups[x].is_recorded() && comparison.groups[y].is_recorded()) continue;
             const auto &first = comparison.results[x], &second = comparison.results[y];
             const bool has_interval = first.has_interval() && second.has_interval();
             auto bootstrap = comparison.config.bootstrap;
@@ -281,7 +265,7 @@ void add_baseline(Comparison& comparison, const Baseline& baseline) {
     }
     if (!missing.empty()) {
         comparison.left_out_baselines.push_back(
-            {baseline.name, fmt::format("it has no score for {}", fmt::join(missing, ", "))});
+            {baseline.name, "it has no score for " + joined(missing, ", ")});
         return;
     }
     const Bootstrap once{.resamples = 1};
@@ -301,7 +285,7 @@ void leave_out_copies(std::vector<Run>& runs, std::vector<LeftOut>& repeated) {
         std::tuple<std::string, std::string_view, std::uint64_t, std::vector<double>, std::vector<double>>>
         seen;
     std::erase_if(runs, [&](const Run& run) {
-        if (run.recorded_as.empty()) return false;
+        if (!run.is_recorded()) return false;
         const bool is_new =
             seen.emplace(run.recorded_as, run.game->name, run.seed, run.steps, run.scores).second;
         if (!is_new)
@@ -313,34 +297,32 @@ void leave_out_copies(std::vector<Run>& runs, std::vector<LeftOut>& repeated) {
 /// Of recorded groups the games that no other group has, and whole groups that lack a game which all others
 /// have: they are beside those, and must not take games from the comparison.
 void leave_out_recorded(Comparison& comparison) {
+    const auto name_of_game = [](const Run& run) { return run.game->name; };
     std::map<std::string_view, std::size_t> groups_with;
     std::size_t own = 0;
     for (const auto& group : comparison.groups) {
-        if (is_recorded(group)) continue;
+        if (group.is_recorded()) continue;
         ++own;
-        std::set<std::string_view> games;
-        for (const auto& run : group.runs) games.insert(run.game->name);
-        for (const auto game : games) ++groups_with[game];
+        const auto names = mapped(group.runs, name_of_game);
+        for (const auto game : std::set(names.begin(), names.end())) ++groups_with[game];
     }
     if (own == 0) return;
     for (auto& group : comparison.groups)
-        if (is_recorded(group))
+        if (group.is_recorded())
             std::erase_if(group.runs, [&](const Run& run) { return !groups_with.contains(run.game->name); });
     std::erase_if(comparison.groups, [&](const Group& group) {
         if (group.runs.empty()) {
             comparison.left_out_baselines.push_back({group.label, "it has no run of these games"});
             return true;
         }
-        if (!is_recorded(group)) return false;
+        if (!group.is_recorded()) return false;
         std::vector<std::string_view> missing;
-        for (const auto& [game, groups] : groups_with) {
-            const auto game_of = [](const Run& run) -> std::string_view { return run.game->name; };
-            if (groups == own && std::ranges::find(group.runs, game, game_of) == group.runs.end())
+        for (const auto& [game, groups] : groups_with)
+            if (groups == own && std::ranges::find(group.runs, game, name_of_game) == group.runs.end())
                 missing.push_back(game);
-        }
         if (!missing.empty())
             comparison.left_out_baselines.push_back(
-                {group.label, fmt::format("it has no run of {}", fmt::join(missing, ", "))});
+                {group.label, "it has no run of " + joined(missing, ", ")});
         return !missing.empty();
     });
 }
@@ -363,22 +345,11 @@ std::vector<Baseline> random_floors(const std::vector<Group>& groups) {
             }
         }
     }
-    std::vector<Baseline> sorted;
-    sorted.reserve(floors.size());
-    for (auto& [name, floor] : floors) sorted.push_back(std::move(floor));
-    return sorted;
-}
-
-/// "2", "2 to 5"
-std::string counts_text(std::size_t least, std::size_t most) {
-    return least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most);
+    return values_in(std::move(floors));
 }
 
 std::vector<std::string> sentences(const std::vector<LeftOut>& items) {
-    std::vector<std::string> texts;
-    texts.reserve(items.size());
-    for (const auto& [what, why] : items) texts.push_back(fmt::format("{}: {}", what, why));
-    return texts;
+    return mapped(items, [](const LeftOut& item) { return fmt::format("{}: {}", item.what, item.why); });
 }
 
 /// "1000 (a; b), 2000 / 100000 (c)", in agent steps, where the runs are of different lengths; else empty.
@@ -397,20 +368,10 @@ std::string lengths_text(const std::vector<Group>& groups) {
         labels[lengths].push_back(group.label);
     }
     if (all.size() < 2) return "";
-    std::vector<std::string> parts;
-    parts.reserve(labels.size());
-    for (const auto& [lengths, of_them] : labels)
-        parts.push_back(fmt::format("{} ({})", fmt::join(lengths, " / "), fmt::join(of_them, "; ")));
-    return fmt::format("{}", fmt::join(parts, ", "));
-}
-
-/// Groups in which a run is so.
-template <class Is>
-std::vector<std::string> groups_where(const Comparison& comparison, Is&& is) {
-    std::vector<std::string> labels;
-    for (const auto& group : comparison.groups)
-        if (std::ranges::any_of(group.runs, is)) labels.push_back(group.label);
-    return labels;
+    const auto part = [](const auto& entry) {
+        return fmt::format("{} ({})", fmt::join(entry.first, " / "), fmt::join(entry.second, "; "));
+    };
+    return joined(mapped(labels, part), ", ");
 }
 
 /// Adds "The sentence: a; b." unless there is no label.
@@ -418,15 +379,19 @@ void add_labels(std::vector<Note>& notes, std::string_view sentence, const std::
     if (!labels.empty()) notes.push_back({fmt::format("{}: {}.", sentence, fmt::join(labels, "; "))});
 }
 
-std::vector<Note> notes_on_settings(const Comparison& comparison) {
-    std::vector<Note> notes;
+/// Adds the sentence with what it is about, unless that is nothing.
+void add_items(std::vector<Note>& notes, std::string sentence, std::vector<std::string> items) {
+    if (!items.empty()) notes.push_back({std::move(sentence), std::move(items)});
+}
+
+void add_notes_on_settings(std::vector<Note>& notes, const Comparison& comparison) {
     if (auto lengths = lengths_text(comparison.groups); !lengths.empty())
         notes.push_back({fmt::format("Groups have runs of different lengths, in agent steps: {}.", lengths)});
     std::vector<std::string> of_many_protocols;
     for (const auto& group : comparison.groups) {
-        std::set<std::string> protocols;
-        for (const auto& run : group.runs) protocols.insert(setting_of(run, "evaluation"));
-        if (protocols.size() > 1) of_many_protocols.push_back(group.label);
+        const auto protocol = [](const Run& run) { return setting_of(run, "evaluation"); };
+        if (std::ranges::count(group.runs, protocol(group.runs.front()), protocol) < std::ssize(group.runs))
+            of_many_protocols.push_back(group.label);
     }
     add_labels(
         notes,
@@ -440,7 +405,7 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
         groups_where(comparison, [](const Run& run) { return run.env && cuts_games_short(*run.env); }));
     add_labels(notes, fmt::format("Scores of runs that are the mean of fewer than {} games", kFewGames),
                groups_where(comparison, [](const Run& run) {
-                   return run.recorded_as.empty() && run.games_in_score < kFewGames;
+                   return !run.is_recorded() && run.games_in_score < kFewGames;
                }));
     const auto is_untrained = [](const Run& run) {
         return run.total_steps > 0 && std::ranges::any_of(kWaitsForUpdate, [&](const char* key) {
@@ -451,16 +416,10 @@ std::vector<Note> notes_on_settings(const Comparison& comparison) {
                "Runs end before the first update (agent.min_replay, agent.rollout_steps), so that nothing "
                "was learned",
                groups_where(comparison, is_untrained));
-    return notes;
 }
 
-/// "1 run is", "3 runs are"
-std::string runs_are(std::size_t count) {
-    return fmt::format("{} {}", counted(count, "run"), count == 1 ? "is" : "are");
-}
-
-std::vector<Note> notes_on_runs(const Comparison& comparison) {
-    std::vector<std::string> unfinished, doubts, chosen;
+void add_notes_on_runs(std::vector<Note>& notes, const Comparison& comparison) {
+    std::vector<std::string> unfinished, doubts;
     std::map<std::string, std::size_t> choices;  // how many runs have it
     for (const auto& group : comparison.groups) {
         for (const auto& run : group.runs) {
@@ -473,27 +432,31 @@ std::vector<Note> notes_on_runs(const Comparison& comparison) {
             if (!run.chosen_evaluation.empty()) ++choices[run.chosen_evaluation];
         }
     }
-    for (const auto& [choice, runs] : choices)
-        chosen.push_back(fmt::format("{} ({})", choice, counted(runs, "run")));
-    std::vector<Note> notes;
-    const auto add = [&](std::string text, std::vector<std::string> items) {
-        if (!items.empty()) notes.push_back({std::move(text), std::move(items)});
+    const auto runs_are = [](std::size_t count) {
+        return counted(count, "run") + (count == 1 ? " is" : " are");
     };
-    add(fmt::format("{} missing:", runs_are(comparison.missing_runs.size())), comparison.missing_runs);
-    add(fmt::format("{} left out, as what is in the folder cannot be used:",
-                    runs_are(comparison.left_out_runs.size())),
-        sentences(comparison.left_out_runs));
-    add("Runs that count as far as they got:", std::move(unfinished));
-    add("Runs that have several evaluations of their newest checkpoint, of which the one with the most games "
-        "counts (to choose another, move the others' folders out of evaluations/):",
-        std::move(chosen));
-    add("Scores that may be of an earlier time than the others, or lack something:", std::move(doubts));
+    add_items(notes, fmt::format("{} missing:", runs_are(comparison.missing_runs.size())),
+              comparison.missing_runs);
+    add_items(notes,
+              fmt::format("{} left out, as what is in the folder cannot be used:",
+                          runs_are(comparison.left_out_runs.size())),
+              sentences(comparison.left_out_runs));
+    add_items(notes, "Runs that count as far as they got:", std::move(unfinished));
+    add_items(notes,
+              "Runs that have several evaluations of their newest checkpoint, of which the one with the most "
+              "games counts (to choose another, move the others' folders out of evaluations/):",
+              mapped(choices, [](const auto& choice) {
+                  return fmt::format("{} ({})", choice.first, counted(choice.second, "run"));
+              }));
+    add_items(notes,
+              "Scores that may be of an earlier time than the others, or lack something:", std::move(doubts));
     if (comparison.config.group_by.empty())
-        add("Settings that only some runs of an agent have, which are groups of their own (runs of another "
-            "version lack them; --group-by names the settings that are to tell groups apart):",
-            partial_settings(comparison.groups));
-    add("Runs that are there twice, of which the longer one counts:", sentences(comparison.repeated_runs));
-    return notes;
+        add_items(notes,
+                  "Settings that only some runs of an agent have, which are groups of their own (runs of "
+                  "another version lack them; --group-by names the settings that are to tell groups apart):",
+                  partial_settings(comparison.groups));
+    add_items(notes, "Runs that are there twice, of which the longer one counts:",
+              sentences(comparison.repeated_runs));
 }
 
 /// The first `count` texts and, where there are others, how many.
@@ -508,7 +471,7 @@ std::vector<std::string> first_ones(std::vector<std::string> texts, std::size_t 
 std::vector<std::string> pooled_groups(const Comparison& comparison) {
     std::vector<std::string> pooled;
     for (const auto& group : comparison.groups) {
-        if (is_recorded(group)) continue;
+        if (group.is_recorded()) continue;
         std::map<std::pair<std::string_view, std::uint64_t>, std::vector<const Run*>> alike;
         for (const auto& run : group.runs) alike[{run.game->name, run.seed}].push_back(&run);
         std::set<std::string> keys;
@@ -526,25 +489,25 @@ std::vector<std::string> pooled_groups(const Comparison& comparison) {
 std::vector<Note> notes_on(const Comparison& comparison) {
     std::vector<std::string> single, few, uneven;
     for (const auto& result : comparison.results) {
-        const auto counted =
-            fmt::format("{} ({})", result.label, counts_text(result.least_runs, result.most_runs));
+        const auto [least, most] = std::pair(result.least_runs, result.most_runs);
+        const auto counts = least == most ? fmt::to_string(least) : fmt::format("{} to {}", least, most);
+        const auto counted = fmt::format("{} ({})", result.label, counts);
         if (!result.has_interval()) {
             single.push_back(result.label);
-        } else if (result.least_runs < kFewRuns) {
+        } else if (least < kFewRuns) {
             few.push_back(counted);
         }
-        if (result.least_runs != result.most_runs) uneven.push_back(counted);
+        if (least != most) uneven.push_back(counted);
     }
-    auto notes = notes_on_runs(comparison);
-    std::ranges::move(notes_on_settings(comparison), std::back_inserter(notes));
+    std::vector<Note> notes;
+    add_notes_on_runs(notes, comparison);
+    add_notes_on_settings(notes, comparison);
     if (comparison.games.empty())
         notes.push_back(
             {"There is no game with a human score that every group has played: nothing is aggregated over "
              "games. Fewer groups may have games in common."});
-    if (!comparison.left_out_games.empty())
-        notes.push_back({"Games that are not in the aggregates:", sentences(comparison.left_out_games)});
-    if (!comparison.left_out_baselines.empty())
-        notes.push_back({"What is left out beside the runs:", sentences(comparison.left_out_baselines)});
+    add_items(notes, "Games that are not in the aggregates:", sentences(comparison.left_out_games));
+    add_items(notes, "What is left out beside the runs:", sentences(comparison.left_out_baselines));
     add_labels(
         notes,
         "Groups with a single run in a game, which says nothing of its spread, so that there is no interval",
@@ -580,43 +543,28 @@ void require_runs(const FoundRuns& found) {
 
 bool Comparison::is_complete() const {
     const auto finished = [](const Group& group) {
-        return is_recorded(group) ||
-               std::ranges::all_of(group.runs, [](const Run& run) { return run.finished; });
+        return group.is_recorded() || std::ranges::all_of(group.runs, &Run::finished);
     };
     return missing_runs.empty() && left_out_runs.empty() && std::ranges::all_of(groups, finished);
 }
 
-const GameResult* find_game_in(const GroupResult& group, std::string_view game) {
-    const auto found = std::find_if(group.games.begin(), group.games.end(),
-                                    [&](const GameResult& own) { return own.game->name == game; });
-    return found == group.games.end() ? nullptr : &*found;
+const GameResult* GroupResult::find(std::string_view game) const {
+    const auto found = std::ranges::find(games, game, [](const GameResult& own) { return own.game->name; });
+    return found == games.end() ? nullptr : &*found;
 }
 
-bool has_intervals(const Comparison& comparison) {
-    return std::ranges::any_of(comparison.results, [](const GroupResult& result) {
-        return std::ranges::any_of(result.games, [](const GameResult& game) { return game.runs.size() > 1; });
+bool Comparison::has_interval_of_a_game() const {
+    return std::ranges::any_of(results, [](const GroupResult& result) {
+        return std::ranges::any_of(result.games, &GameResult::has_interval);
     });
 }
 
-bool has_interval_of_aggregates(const Comparison& comparison) {
-    return std::ranges::any_of(comparison.results, &GroupResult::has_interval);
-}
-
-bool has_interval_of_a_pair(const Comparison& comparison) {
-    return std::ranges::any_of(comparison.improvements, &Improvement::has_interval);
-}
-
 std::vector<std::string> labels_of(const Comparison& comparison) {
-    std::vector<std::string> labels;
-    for (const auto& result : comparison.results) labels.push_back(result.label);
-    return labels;
+    return mapped(comparison.results, &GroupResult::label);
 }
 
 Comparison compare(FoundRuns found, std::vector<Baseline> baselines, const ComparisonConfig& config) {
     require_runs(found);
-    auto for_bands = config.bootstrap;
-    for_bands.resamples = std::min(for_bands.resamples, kBandResamples);
-
     Comparison comparison;
     comparison.config = config;
     comparison.left_out_runs = std::move(found.left_out);
@@ -627,12 +575,10 @@ Comparison compare(FoundRuns found, std::vector<Baseline> baselines, const Compa
     give_names(comparison.groups, baselines, config.names);
     std::ranges::move(missing_runs(comparison.groups), std::back_inserter(comparison.missing_runs));
     leave_out_recorded(comparison);
-    for (const auto& group : comparison.groups)
-        comparison.results.push_back(result_of(group, config.bootstrap, for_bands));
+    for (const auto& group : comparison.groups) comparison.results.push_back(result_of(group, config));
     choose_games(comparison);
-    for (auto& result : comparison.results)
-        aggregate_group(result, comparison.games, config.bootstrap, for_bands);
-    if (!comparison.games.empty()) compare_groups(comparison, for_bands);
+    for (auto& result : comparison.results) aggregate_group(result, comparison.games, config);
+    if (!comparison.games.empty()) compare_groups(comparison);
     for (const auto& baseline : baselines) add_baseline(comparison, baseline);
     comparison.random_floors = random_floors(comparison.groups);
     comparison.notes = notes_on(comparison);

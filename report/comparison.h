@@ -1,6 +1,7 @@
 // Computes the contents of a report: groups of runs compared with each other, and with the literature.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -29,6 +30,8 @@ struct GameResult {
     std::vector<double> event_shares{};              // by Event, the mean of the runs'; empty if none has any
     std::vector<RewardQuantile> reward_quantiles{};  // the mean of the runs'; empty if none has any
     std::vector<ZoneRow> zones{};                    // the mean of the runs, over equal parts of the longest
+
+    bool has_interval() const { return runs.size() > 1; }
 };
 
 struct GroupResult {
@@ -45,6 +48,8 @@ struct GroupResult {
 
     /// One run per game gives no estimate of the variation between runs.
     bool has_interval() const { return least_runs > 1; }
+    /// The result in the game of that name; none where the group has no run of it.
+    const GameResult* find(std::string_view game) const;
 };
 
 struct BaselineResult {
@@ -72,10 +77,14 @@ struct ComparisonConfig {
     std::vector<std::string> group_by{};
     /// Of groups, by their labels (rename_groups), and of baselines, by theirs, where no group has that one.
     std::map<std::string, std::string> names{};
-};
 
-/// Bands of curves and profiles take this many resamples at most, as rliable's do.
-inline constexpr std::int64_t kBandResamples = 2'000;
+    /// For the bands of curves and profiles: 2,000 resamples at most, as rliable's have.
+    Bootstrap for_bands() const {
+        auto bands = bootstrap;
+        bands.resamples = std::min<std::int64_t>(bands.resamples, 2'000);
+        return bands;
+    }
+};
 
 struct Comparison {
     ComparisonConfig config{};
@@ -100,6 +109,16 @@ struct Comparison {
     /// Whether every run of the grid exists, is usable and is finished.
     bool is_complete() const;
 
+    // Whether there are several runs, and so an interval to show: of a game, of the aggregates of a group,
+    // and of the probability that one of a pair scores more.
+    bool has_interval_of_a_game() const;
+    bool has_interval_of_aggregates() const {
+        return std::ranges::any_of(results, &GroupResult::has_interval);
+    }
+    bool has_interval_of_a_pair() const {
+        return std::ranges::any_of(improvements, &Improvement::has_interval);
+    }
+
     Comparison() = default;
     Comparison(Comparison&&) = default;
     Comparison& operator=(Comparison&&) = default;
@@ -107,18 +126,6 @@ struct Comparison {
 
 /// The name of the floor of runs with discrete or factored actions, whose scores are Game::random_score.
 inline constexpr std::string_view kPublishedRandom = "random (published)";
-
-/// Returns the group's result in the game of that name; none where it has no run of it.
-const GameResult* find_game_in(const GroupResult& group, std::string_view game);
-
-/// Whether any game has several runs of a group, so that there is an interval to show.
-bool has_intervals(const Comparison& comparison);
-
-/// Whether any group has an interval of its aggregates.
-bool has_interval_of_aggregates(const Comparison& comparison);
-
-/// Whether any pair of groups has an interval of the probability that one scores more.
-bool has_interval_of_a_pair(const Comparison& comparison);
 
 /// The groups' labels, in order.
 std::vector<std::string> labels_of(const Comparison& comparison);

@@ -1,13 +1,13 @@
 #include "report/csv.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "cale/text.h"
+#include "report/ranges.h"
 #include "storage/files.h"
 
 namespace cale {
@@ -15,9 +15,8 @@ namespace {
 
 std::runtime_error damaged(const std::filesystem::path& path, std::size_t line,
                            const std::vector<std::string>& cells) {
-    const auto text = fmt::format("{}", fmt::join(cells, ","));
-    return std::runtime_error(
-        fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line, printable(text)));
+    return std::runtime_error(fmt::format("{} is damaged: line {} is '{:.100}'", path.string(), line,
+                                          printable(joined(cells, ","))));
 }
 
 std::string without_blanks(std::string_view text) {
@@ -44,30 +43,6 @@ std::vector<std::string> cells_of(std::string_view line) {
     }
     return cells;
 }
-
-}  // namespace
-
-std::optional<std::size_t> CsvTable::find(std::string_view column) const {
-    const auto found = std::find(columns.begin(), columns.end(), column);
-    if (found == columns.end()) return std::nullopt;
-    return static_cast<std::size_t>(found - columns.begin());
-}
-
-double CsvTable::number(std::size_t row, std::size_t column) const {
-    const auto value = number_in<double>(rows[row][column]);
-    if (!value || !std::isfinite(*value)) throw damaged(path, lines[row], rows[row]);
-    return *value;
-}
-
-double CsvTable::score(std::size_t row, std::size_t column) const {
-    const double value = number(row, column);
-    if (std::abs(value) <= kHighestScore) return value;
-    throw std::runtime_error(
-        fmt::format("{} is damaged: line {} has a score of {:g}, beyond what any game counts to",
-                    path.string(), lines[row], value));
-}
-
-namespace {
 
 CsvTable table_of(const std::filesystem::path& path, const std::string& text, bool by_hand) {
     CsvTable table{.path = path};
@@ -102,6 +77,26 @@ CsvTable table_of(const std::filesystem::path& path, const std::string& text, bo
 
 }  // namespace
 
+std::optional<std::size_t> CsvTable::find(std::string_view column) const {
+    const auto found = std::ranges::find(columns, column);
+    if (found == columns.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - columns.begin());
+}
+
+double CsvTable::number(std::size_t row, std::size_t column) const {
+    const auto value = number_in<double>(rows[row][column]);
+    if (!value || !std::isfinite(*value)) throw damaged(path, lines[row], rows[row]);
+    return *value;
+}
+
+double CsvTable::score(std::size_t row, std::size_t column) const {
+    const double value = number(row, column);
+    if (std::abs(value) <= kHighestScore) return value;
+    throw std::runtime_error(
+        fmt::format("{} is damaged: line {} has a score of {:g}, beyond what any game counts to",
+                    path.string(), lines[row], value));
+}
+
 CsvTable read_csv(const std::filesystem::path& path, std::size_t bytes) {
     auto text = read_file(path);
     text.resize(std::min(bytes, text.size()));
@@ -122,9 +117,9 @@ CsvTable read_whole_csv(const std::filesystem::path& path) {
 }
 
 void require_whole(const CsvTable& table) {
-    if (!table.cut_line) return;
-    throw std::runtime_error(
-        fmt::format("{} is damaged: it ends in the middle of line {}", table.path.string(), *table.cut_line));
+    if (table.cut_line)
+        throw std::runtime_error(fmt::format("{} is damaged: it ends in the middle of line {}",
+                                             table.path.string(), *table.cut_line));
 }
 
 std::string csv_line(const std::vector<std::string>& cells) {

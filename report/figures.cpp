@@ -1,7 +1,6 @@
 #include "report/figures.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -11,12 +10,14 @@
 
 #include "cale/text.h"
 #include "report/panel.h"
+#include "report/ranges.h"
 #include "report/tables.h"
 
 namespace cale {
 namespace {
 
 constexpr double kLabelSize = 13;
+constexpr double kLeft = 70, kRight = 756;  // of a single panel
 
 /// Whether every group has an interval of its aggregates.
 bool all_intervals(const Comparison& comparison) {
@@ -24,26 +25,19 @@ bool all_intervals(const Comparison& comparison) {
 }
 
 /// `some`: whether any interval is shown.
-std::string method_of(const Comparison& comparison, std::int64_t resamples, bool some) {
+std::string method_of(const Comparison& comparison, const Bootstrap& bootstrap, bool some) {
     const auto sample =
         fmt::format("{}; {}", counted(comparison.games.size(), "game"), runs_text(comparison));
     if (!some) return sample + "; no intervals, which need several runs per game";
-    return fmt::format("{}; {:g} % stratified bootstrap intervals{}, {} resamples", sample,
-                       100 * comparison.config.bootstrap.confidence,
-                       all_intervals(comparison) ? "" : " of groups with several runs per game", resamples);
+    return fmt::format(
+        "{}; {:g} % stratified bootstrap intervals{}, {} resamples", sample, 100 * bootstrap.confidence,
+        all_intervals(comparison) ? "" : " of groups with several runs per game", bootstrap.resamples);
 }
 
 /// The same for curves with bands.
 std::string method_of_bands(const Comparison& comparison) {
-    const auto resamples = std::min(comparison.config.bootstrap.resamples, kBandResamples);
-    const bool some = has_interval_of_aggregates(comparison);
-    return (some ? "pointwise; " : "") + method_of(comparison, resamples, some);
-}
-
-bool has_unfinished_run(const GroupResult& result) {
-    return std::ranges::any_of(result.games, [](const GameResult& game) {
-        return std::ranges::any_of(game.runs, [](const Run* run) { return !run->finished; });
-    });
+    const bool some = comparison.has_interval_of_aggregates();
+    return (some ? "pointwise; " : "") + method_of(comparison, comparison.config.for_bands(), some);
 }
 
 /// A group's interval as a bar, its estimate as a line across.
@@ -70,8 +64,7 @@ void draw_vertical_grid(Picture& picture, const Panel& panel, int count) {
     const auto texts = tick_texts(ticks);
     for (std::size_t i = 0; i < ticks.size(); ++i) {
         draw_grid_line_at_x(picture, panel, ticks[i]);
-        picture.words.push_back(
-            {texts[i], {panel.to_x(ticks[i]), panel.bottom + 17}, kFaintInk, kSize, Anchor::middle});
+        picture.write(texts[i], {panel.to_x(ticks[i]), panel.bottom + 17}, kFaintInk, kSize, Anchor::middle);
     }
     picture.lines.push_back({{{panel.left, panel.bottom}, {panel.right, panel.bottom}}, kFaintInk, 1});
 }
@@ -90,8 +83,20 @@ void draw_baselines(Picture& picture, const Panel& panel, std::vector<std::pair<
         const double baseline = std::max(std::min(y + 4, lowest), highest_free);
         highest_free = baseline + kBaselineRow;
         picture.lines.push_back({{{panel.left, y}, {panel.right, y}}, kFaintInk, 1.2, true});
-        picture.words.push_back({name, {panel.right + 8, baseline}, kFaintInk, kSize});
+        picture.write(name, {panel.right + 8, baseline}, kFaintInk, kSize);
     }
+}
+
+/// A panel below the groups' legend.
+Panel panel_below_legend(Picture& picture, const Comparison& comparison, Interval x, Interval y,
+                         double height = 320) {
+    const double top = 78 + draw_legend(picture, labels_of(comparison), kLeft, kRight, 48);
+    return {.left = kLeft, .top = top, .right = kRight, .bottom = top + height, .x = x, .y = y};
+}
+
+void title_axes(Picture& picture, const Panel& panel, const char* x, const char* y) {
+    picture.write(y, {panel.left, panel.top - 12}, kInk, 12.5);
+    picture.write(x, {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end);
 }
 
 }  // namespace
@@ -100,14 +105,14 @@ Picture aggregate_figure(const Comparison& comparison) {
     constexpr std::array<const char*, kMetricCount> kTitles{"IQM", "Median", "Mean", "Optimality gap"};
     constexpr double kRow = 32, kBetween = 26, kPanelWidth = 172;
     auto names = labels_of(comparison);
-    for (const auto& result : comparison.baselines) names.push_back(result.baseline.name);
+    std::ranges::move(mapped(published(comparison), &Baseline::name), std::back_inserter(names));
     const double left = kMargin + std::max(80.0, widest(names, kLabelSize)) + 14;
     const double top = 100, bottom = top + kRow * static_cast<double>(names.size());
     Picture picture =
         titled_picture("Aggregate human-normalised scores", left + kMetricCount * (kPanelWidth + kBetween));
     for (std::size_t row = 0; row < names.size(); ++row) {
         const double y = top + kRow * (static_cast<double>(row) + 0.5);
-        picture.words.push_back({names[row], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
+        picture.write(names[row], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end);
     }
     for (std::size_t m = 0; m < kMetricCount; ++m) {
         std::vector<double> values;
@@ -120,11 +125,9 @@ Picture aggregate_figure(const Comparison& comparison) {
         const Panel panel{
             .left = start, .top = top, .right = start + kPanelWidth, .bottom = bottom, .x = room_for(values)};
         draw_vertical_grid(picture, panel, 4);
-        picture.words.push_back({kTitles[m], {start, top - 24}, kInk, 13.5, Anchor::start, true});
-        picture.words.push_back({m + 1 == kMetricCount ? "lower is better" : "higher is better",
-                                 {start, top - 9},
-                                 kFaintInk,
-                                 11});
+        picture.write(kTitles[m], {start, top - 24}, kInk, 13.5, Anchor::start, true);
+        picture.write(m + 1 == kMetricCount ? "lower is better" : "higher is better", {start, top - 9},
+                      kFaintInk, 11);
         double y = top + kRow / 2;
         for (std::size_t i = 0; i < comparison.results.size(); ++i, y += kRow) {
             const auto& result = comparison.results[i];
@@ -137,28 +140,20 @@ Picture aggregate_figure(const Comparison& comparison) {
     }
     finish_picture(
         picture, bottom + 34,
-        method_of(comparison, comparison.config.bootstrap.resamples, has_interval_of_aggregates(comparison)) +
+        method_of(comparison, comparison.config.bootstrap, comparison.has_interval_of_aggregates()) +
             (comparison.baselines.empty() ? ""
                                           : "; diamonds: published mean scores per game, without intervals"));
     return picture;
 }
 
 Picture profile_figure(const Comparison& comparison) {
-    Picture picture = titled_picture("Performance profiles", 780);
-    const double below_legend = 48 + draw_legend(picture, labels_of(comparison), 70, 756, 48);
-    const Panel panel{.left = 70,
-                      .top = below_legend + 30,
-                      .right = 756,
-                      .bottom = below_legend + 350,
-                      .x = {0, comparison.thresholds.back()},
-                      .y = {0, 1}};
+    Picture picture = titled_picture("Performance profiles", kRight + kMargin);
+    const auto panel = panel_below_legend(picture, comparison, {0, comparison.thresholds.back()}, {0, 1});
     draw_axes(picture, panel, 8, 5);
     for (std::size_t i = 0; i < comparison.results.size(); ++i)
         draw_curve(picture, panel, comparison.thresholds, comparison.results[i].profile, i,
                    comparison.results[i].has_interval());
-    picture.words.push_back({"fraction of runs with a higher score", {70, panel.top - 12}, kInk, 12.5});
-    picture.words.push_back(
-        {"human-normalised score", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
+    title_axes(picture, panel, "human-normalised score", "fraction of runs with a higher score");
     auto method = method_of_bands(comparison);
     const auto has_more = [](const GroupResult& result) { return result.profile.back().value > 0; };
     if (std::ranges::any_of(comparison.results, has_more))
@@ -173,11 +168,8 @@ Picture improvement_figure(const Comparison& comparison) {
     constexpr std::size_t kMostPairs = 100;
     const auto pairs =
         std::span(comparison.improvements).first(std::min(comparison.improvements.size(), kMostPairs));
-    std::vector<std::string> firsts, seconds;
-    for (const auto& pair : pairs) {
-        firsts.push_back(comparison.results[pair.x].label);
-        seconds.push_back(comparison.results[pair.y].label);
-    }
+    const auto firsts = mapped(pairs, [&](const auto& pair) { return comparison.results[pair.x].label; });
+    const auto seconds = mapped(pairs, [&](const auto& pair) { return comparison.results[pair.y].label; });
     const double left = kMargin + std::max(60.0, widest(firsts, kLabelSize)) + 14;
     const Panel panel{.left = left,
                       .top = kTop,
@@ -189,18 +181,16 @@ Picture improvement_figure(const Comparison& comparison) {
     draw_vertical_grid(picture, panel, 5);
     picture.lines.push_back(
         {{{panel.to_x(0.5), kTop}, {panel.to_x(0.5), panel.bottom}}, kFaintInk, 1.2, true});
-    picture.words.push_back({"X", {left - 14, kTop - 12}, kInk, kLabelSize, Anchor::end, true});
-    picture.words.push_back(
-        {"P(X > Y)", {(left + panel.right) / 2, kTop - 12}, kInk, kLabelSize, Anchor::middle, true});
-    picture.words.push_back({"Y", {panel.right + 14, kTop - 12}, kInk, kLabelSize, Anchor::start, true});
+    picture.write("X", {left - 14, kTop - 12}, kInk, kLabelSize, Anchor::end, true);
+    picture.write("P(X > Y)", {(left + panel.right) / 2, kTop - 12}, kInk, kLabelSize, Anchor::middle, true);
+    picture.write("Y", {panel.right + 14, kTop - 12}, kInk, kLabelSize, Anchor::start, true);
     for (std::size_t i = 0; i < firsts.size(); ++i) {
         const double y = kTop + kRow * (static_cast<double>(i) + 0.5);
-        picture.words.push_back({firsts[i], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end});
-        picture.words.push_back({seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize});
+        picture.write(firsts[i], {left - 14, y + 4.5}, kInk, kLabelSize, Anchor::end);
+        picture.write(seconds[i], {panel.right + 14, y + 4.5}, kInk, kLabelSize);
         draw_interval(picture, panel, pairs[i].probability, y, pairs[i].has_interval, pairs[i].x);
     }
-    auto method =
-        method_of(comparison, comparison.config.bootstrap.resamples, has_interval_of_a_pair(comparison));
+    auto method = method_of(comparison, comparison.config.bootstrap, comparison.has_interval_of_a_pair());
     if (pairs.size() < comparison.improvements.size())
         method = fmt::format("The first {} of {} pairs; the table has all. {}", pairs.size(),
                              comparison.improvements.size(), method);
@@ -211,13 +201,11 @@ Picture improvement_figure(const Comparison& comparison) {
 Picture efficiency_figure(const Comparison& comparison) {
     const auto iqm = static_cast<std::size_t>(Metric::iqm);
     std::vector<double> values;
-    std::vector<std::vector<Estimate>> curves;
     double last_step = 1;
     for (const auto& result : comparison.results) {
-        auto& curve = curves.emplace_back();
         for (const auto& aggregates : result.curve) {
-            curve.push_back(aggregates[iqm]);
-            values.insert(values.end(), {curve.back().low, curve.back().value, curve.back().high});
+            const auto& [value, low, high] = aggregates[iqm];
+            values.insert(values.end(), {value, low, high});
         }
         if (!result.curve_steps.empty()) last_step = std::max(last_step, result.curve_steps.back());
     }
@@ -236,27 +224,23 @@ Picture efficiency_figure(const Comparison& comparison) {
         names.push_back(baseline.name);
         values.push_back(value);
     }
-    const double right = 756, room = names.empty() ? 0 : widest(names, 11.5) + 10;
-    Picture picture = titled_picture("Sample efficiency", right + room + kMargin);
-    const double below_legend = 48 + draw_legend(picture, labels_of(comparison), 70, right, 48);
-    const double height = std::max(320.0, kBaselineRow * static_cast<double>(names.size()));
-    const Panel panel{.left = 70,
-                      .top = below_legend + 30,
-                      .right = right,
-                      .bottom = below_legend + 30 + height,
-                      .x = {0, last_step},
-                      .y = room_for(values)};
+    const double room = names.empty() ? 0 : widest(names, 11.5) + 10;
+    Picture picture = titled_picture("Sample efficiency", kRight + room + kMargin);
+    const auto panel = panel_below_legend(picture, comparison, {0, last_step}, room_for(values),
+                                          std::max(320.0, kBaselineRow * static_cast<double>(names.size())));
     draw_axes(picture, panel, 6, 6);
     draw_baselines(picture, panel, std::move(baselines));
-    for (std::size_t i = 0; i < curves.size(); ++i)
-        draw_curve(picture, panel, comparison.results[i].curve_steps, curves[i], i,
-                   comparison.results[i].has_interval());
-    picture.words.push_back({"IQM of human-normalised scores", {70, panel.top - 12}, kInk, 12.5});
-    picture.words.push_back({"agent steps", {panel.right, panel.bottom + 38}, kInk, 12.5, Anchor::end});
+    const auto iqm_of = [&](const Aggregates& aggregates) { return aggregates[iqm]; };
+    for (std::size_t i = 0; i < comparison.results.size(); ++i) {
+        const auto& result = comparison.results[i];
+        draw_curve(picture, panel, result.curve_steps, mapped(result.curve, iqm_of), i,
+                   result.has_interval());
+    }
+    title_axes(picture, panel, "agent steps", "IQM of human-normalised scores");
     auto method = method_of_bands(comparison);
     std::vector<std::string> unfinished;
-    for (const auto& result : comparison.results)
-        if (has_unfinished_run(result)) unfinished.push_back(result.label);
+    for (const auto& group : comparison.groups)
+        if (!std::ranges::all_of(group.runs, &Run::finished)) unfinished.push_back(group.label);
     if (!unfinished.empty())
         method += fmt::format("; to where the shortest run is, unfinished: {}", fmt::join(unfinished, ", "));
     if (!far.empty()) method += fmt::format("; left out, far from the curves: {}", fmt::join(far, ", "));
@@ -274,14 +258,13 @@ std::vector<Figure> figures(const Comparison& comparison) {
                  "middle half of all runs on all games; the median and the mean are those of the games' "
                  "means; the optimality gap is how far runs fall short of 1 on average. ") +
                  (all_intervals(comparison) ? "A bar is the interval, the line across it the estimate."
-                  : has_interval_of_aggregates(comparison)
+                  : comparison.has_interval_of_aggregates()
                       ? "A bar is the interval, the line across it the estimate, a "
                         "point an estimate without an interval."
                       : "A point is the estimate."),
              aggregate_figure(comparison)});
-        const bool curves = std::any_of(comparison.results.begin(), comparison.results.end(),
-                                        [](const auto& result) { return result.curve_steps.size() > 1; });
-        if (curves) {
+        const auto has_curve = [](const GroupResult& result) { return result.curve_steps.size() > 1; };
+        if (std::ranges::any_of(comparison.results, has_curve)) {
             all.push_back({"sample_efficiency", "Sample efficiency",
                            "The interquartile mean while learning. A curve begins where every run has a "
                            "score and ends with the shortest run.",
@@ -295,14 +278,14 @@ std::vector<Figure> figures(const Comparison& comparison) {
             all.push_back(
                 {"probability_of_improvement", "Probability of improvement",
                  std::string("How likely a run of X scores more than a run of Y on a game drawn at random.") +
-                     (has_interval_of_a_pair(comparison)
+                     (comparison.has_interval_of_a_pair()
                           ? " An interval that leaves out 0.5 speaks for a difference where both have at "
                             "least five runs per game; with two or three many leave it out by chance."
                           : ""),
                  improvement_figure(comparison)});
         }
     }
-    for (auto& figure : game_figures(comparison)) all.push_back(std::move(figure));
+    std::ranges::move(game_figures(comparison), std::back_inserter(all));
     return all;
 }
 

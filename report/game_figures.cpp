@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <functional>
 #include <iterator>
 #include <map>
 #include <set>
@@ -12,7 +11,9 @@
 
 #include "cale/action.h"
 #include "report/figures.h"
+#include "report/learning_curve.h"
 #include "report/panel.h"
+#include "report/ranges.h"
 #include "report/tables.h"
 
 namespace cale {
@@ -20,119 +21,90 @@ namespace {
 
 constexpr std::size_t kMostEventPanels = 4;
 
-/// What each group did on one game; null where it did not play it.
+/// What the groups that have something to show of a game did on it.
 struct GameRow {
     const Game* game = nullptr;
-    std::vector<const GameResult*> results{};  // by group
+    std::vector<std::pair<std::size_t, const GameResult*>> results{};  // with the groups' numbers
 };
 
 /// The games that some group has something to show of, in alphabetical order.
 template <class HasData>
 std::vector<GameRow> rows_with(const Comparison& comparison, HasData&& has_data) {
     std::map<std::string_view, GameRow> rows;
-    for (std::size_t i = 0; i < comparison.results.size(); ++i) {
-        for (const auto& result : comparison.results[i].games) {
+    for (std::size_t group = 0; group < comparison.results.size(); ++group) {
+        for (const auto& result : comparison.results[group].games) {
             if (!has_data(result)) continue;
             auto& row = rows[result.game->name];
             row.game = result.game;
-            row.results.resize(comparison.results.size(), nullptr);
-            row.results[i] = &result;
+            row.results.emplace_back(group, &result);
         }
     }
-    std::vector<GameRow> sorted;
-    sorted.reserve(rows.size());
-    for (auto& [name, row] : rows) sorted.push_back(std::move(row));
-    return sorted;
+    return values_in(std::move(rows));
 }
 
 /// The labels by group, empty for a group that these rows have nothing of.
 std::vector<std::string> labels_in(const std::vector<GameRow>& rows, const Comparison& comparison) {
-    auto labels = labels_of(comparison);
-    for (std::size_t group = 0; group < labels.size(); ++group)
-        if (std::ranges::none_of(rows, [&](const GameRow& row) { return row.results[group] != nullptr; }))
-            labels[group].clear();
+    std::vector<std::string> labels(comparison.results.size());
+    for (const auto& row : rows)
+        for (const auto& [group, result] : row.results) labels[group] = comparison.results[group].label;
     return labels;
 }
 
 /// "2-5 runs per game", of the runs in these rows that have what `member` is.
 template <class Data>
 std::string runs_in(const std::vector<GameRow>& rows, Data Run::*member) {
-    std::set<std::ptrdiff_t> counts;
-    for (const auto& row : rows) {
-        for (const auto* result : row.results) {
-            if (result == nullptr) continue;
-            const auto has = [&](const Run* run) { return !(run->*member).empty(); };
-            counts.insert(std::ranges::count_if(result->runs, has));
-        }
-    }
+    std::set<std::size_t> counts;
+    const auto has = [&](const Run* run) { return !(run->*member).empty(); };
+    for (const auto& row : rows)
+        for (const auto& [group, result] : row.results)
+            counts.insert(static_cast<std::size_t>(std::ranges::count_if(result->runs, has)));
     counts.erase(0);
-    if (counts.empty()) return "no runs";
-    return runs_text(static_cast<std::size_t>(*counts.begin()), static_cast<std::size_t>(*counts.rbegin()));
+    return runs_text(counts);
 }
 
-std::int64_t drawn(const std::vector<std::string>& labels) {
-    return std::ranges::count_if(labels, [](const std::string& label) { return !label.empty(); });
-}
-
-bool has_curve(const GameResult& result) {
-    return result.curve.steps.size() > 1;
-}
-bool has_events(const GameResult& result) {
-    return !result.event_shares.empty();
-}
-bool has_rewards(const GameResult& result) {
-    return result.reward_quantiles.size() > 1;
+std::size_t drawn(const std::vector<std::string>& labels) {
+    return labels.size() - static_cast<std::size_t>(std::ranges::count(labels, ""));
 }
 
 /// Panels in rows of up to four, the wider the fewer they are.
-class Grid {
-  public:
-    /// `room`: to the right of a panel, in pixels.
-    Grid(std::size_t count, double top, double room = 16)
-        : columns_(std::clamp<std::size_t>(count, 1, 4)),
-          count_(count),
-          top_(top),
-          room_(room),
-          cell_width_(columns_ == 4   ? 262
-                      : columns_ == 3 ? 350
-                                      : 420) {}
+struct Grid {
+    std::size_t count;
+    double top = 0;
+    double room = 16;  // to the right of a panel, in pixels
 
-    double width() const { return static_cast<double>(columns_) * cell_width_ + kMargin; }
+    std::size_t columns() const { return std::clamp<std::size_t>(count, 1, 4); }
+    double cell_width() const { return columns() == 4 ? 262 : columns() == 3 ? 350 : 420; }
+    double cell_height() const { return 40 + 0.6 * cell_width(); }
+    double width() const { return static_cast<double>(columns()) * cell_width() + kMargin; }
     double bottom() const {
-        const std::size_t rows = (count_ + columns_ - 1) / columns_;
-        return top_ + static_cast<double>(rows) * cell_height();
+        const std::size_t rows = (count + columns() - 1) / columns();
+        return top + static_cast<double>(rows) * cell_height();
     }
     /// Without its coordinate system.
     Panel panel(std::size_t index) const {
-        const std::size_t row = index / columns_, column = index % columns_;
-        const double x = static_cast<double>(column) * cell_width_;
-        const double y = top_ + static_cast<double>(row) * cell_height();
+        const std::size_t row = index / columns(), column = index % columns();
+        const double x = static_cast<double>(column) * cell_width();
+        const double y = top + static_cast<double>(row) * cell_height();
         return {.left = x + 58,
                 .top = y + 34,
-                .right = x + cell_width_ - room_,
+                .right = x + cell_width() - room,
                 .bottom = y + cell_height() - 30};
     }
-
-  private:
-    double cell_height() const { return 40 + 0.6 * cell_width_; }
-
-    std::size_t columns_;
-    std::size_t count_;
-    double top_;
-    double room_;
-    double cell_width_;
 };
 
 void title_panel(Picture& picture, const Panel& panel, std::string_view title) {
-    picture.words.push_back(
-        {std::string(title), {panel.left, panel.top - 10}, kInk, 12.5, Anchor::start, true});
+    picture.write(std::string(title), {panel.left, panel.top - 10}, kInk, 12.5, Anchor::start, true);
 }
 
-/// Every line to compare with that a panel may show: random play, then the literature.
-std::vector<Baseline> references_of(const Comparison& comparison) {
-    auto references = comparison.random_floors;
-    std::ranges::move(published(comparison), std::back_inserter(references));
-    return references;
+/// Axes with so many ticks, a title, and what draw() draws, as the panel of a game.
+template <class Draw>
+void draw_panel(Picture& picture, const Panel& panel, std::string_view game, std::string_view title,
+                int x_ticks, int y_ticks, Draw&& draw) {
+    const auto before = extent_of(picture);
+    draw_axes(picture, panel, x_ticks, y_ticks, 11);
+    title_panel(picture, panel, title);
+    draw();
+    assign_panel(picture, before, panel, game);
 }
 
 /// "a", "b", ...: panels are too small for names.
@@ -140,45 +112,40 @@ std::string letter(std::size_t index) {
     return index < 26 ? std::string(1, static_cast<char>('a' + index)) : fmt::format("{}", index + 1);
 }
 
-/// A score to compare with, and its letter.
-struct Reference {
-    double value = 0;
-    std::string label{};
-};
-
-/// Those that leave the curves more than half of the panel; an unseen one is no lie, as the table has all.
-std::vector<Reference> references_in_sight(const std::vector<Baseline>& references, const Game& game,
-                                           Interval curves) {
-    std::vector<Reference> seen;
+/// By letter, those that leave the curves more than half of the panel; an unseen one is no lie, as the table
+/// has all.
+std::vector<ReferenceScore> references_in_sight(const std::vector<Baseline>& references, const Game& game,
+                                                Interval curves) {
+    std::vector<ReferenceScore> seen;
     const double span = curves.high - curves.low;
     for (std::size_t i = 0; i < references.size(); ++i) {
         const auto score = references[i].scores.find(game.name);
         if (score == references[i].scores.end()) continue;
         if (score->second > curves.low - span / 2 && score->second < curves.high + span / 2)
-            seen.push_back({score->second, letter(i)});
+            seen.push_back({letter(i), score->second});
     }
     return seen;
 }
 
 /// Dashed lines straight across, their letters to the right of the panel; lines that are close to one another
 /// share a place for theirs, which names the first four.
-void draw_references(Picture& picture, const Panel& panel, std::vector<Reference> references) {
+void draw_references(Picture& picture, const Panel& panel, std::vector<ReferenceScore> references) {
     constexpr double kSize = 10.5, kRow = 12;
     constexpr std::ptrdiff_t kMostLetters = 4;
-    std::ranges::sort(references, std::ranges::greater(), &Reference::value);
+    std::ranges::sort(references, std::ranges::greater(), &ReferenceScore::score);
     for (auto first = references.begin(); first != references.end();) {
         auto next = first;
         std::string letters;
-        double last = panel.to_y(first->value), sum = 0;
-        for (; next != references.end() && panel.to_y(next->value) - last < kRow; ++next) {
-            last = panel.to_y(next->value);
+        double last = panel.to_y(first->score), sum = 0;
+        for (; next != references.end() && panel.to_y(next->score) - last < kRow; ++next) {
+            last = panel.to_y(next->score);
             sum += last;
             if (next - first < kMostLetters) letters += (letters.empty() ? "" : " ") + next->label;
             picture.lines.push_back({{{panel.left, last}, {panel.right, last}}, kFaintInk, 1.2, true});
         }
         if (next - first > kMostLetters) letters += fmt::format(" +{}", next - first - kMostLetters);
         const double y = sum / static_cast<double>(next - first) + 0.35 * kSize;
-        picture.words.push_back({letters, {panel.right + 5, y}, kFaintInk, kSize});
+        picture.write(letters, {panel.right + 5, y}, kFaintInk, kSize);
         first = next;
     }
 }
@@ -196,44 +163,43 @@ double draw_letter_key(Picture& picture, const std::string& what, const std::vec
     for (const auto& line :
          wrapped(fmt::format("{}: {}", what, fmt::join(parts, ", ")), picture.width - 2 * kMargin, kSize)) {
         y += kRow;
-        picture.words.push_back({line, {kMargin, y}, kFaintInk, kSize});
+        picture.write(line, {kMargin, y}, kFaintInk, kSize);
     }
     return y - top;
 }
 
-/// A picture with a title, a legend, and below them a grid for so many panels.
-std::pair<Picture, Grid> small_multiples(const std::string& title, const std::vector<std::string>& labels,
-                                         std::size_t count, const std::vector<Baseline>& references = {}) {
-    Picture picture = titled_picture(title, Grid(count, 0).width());
-    double top = 52 + draw_legend(picture, labels, kMargin, picture.width - kMargin, 48);
-    std::vector<std::string> names;
-    names.reserve(references.size());
-    for (const auto& reference : references) names.push_back(reference.name);
-    top += draw_letter_key(picture, "dashed", names, top);
+/// Begins a picture with a title and a legend, and returns a grid below them for so many panels.
+Grid begin_panels(Picture& picture, const std::string& title, const std::vector<std::string>& labels,
+                  std::size_t count, const std::vector<Baseline>& references = {}) {
+    Grid grid{count};
+    picture = titled_picture(title, grid.width());
+    grid.top = 52 + draw_legend(picture, labels, kMargin, picture.width - kMargin, 48);
+    grid.top += draw_letter_key(picture, "dashed", mapped(references, &Baseline::name), grid.top);
     // For the letters of draw_references().
-    const double room = 16 + 10 * static_cast<double>(std::min<std::size_t>(references.size(), 5));
-    return {std::move(picture), Grid(count, top, room)};
+    grid.room += 10 * static_cast<double>(std::min<std::size_t>(references.size(), 5));
+    return grid;
 }
 
-/// Bars of the groups that have a label.
-void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std::vector<double>>& shares,
+/// A bar per event and group, where each group that has a label has its place.
+void draw_event_bars(Picture& picture, const Panel& panel,
+                     const std::map<std::size_t, std::vector<double>>& shares,
                      const std::vector<std::string>& labels) {
     const double row = (panel.bottom - panel.top) / kEventCount;
     const double thickness = (row - 4) / static_cast<double>(drawn(labels));
     for (const double tick : fitting_ticks(panel, 4, 11)) {
-        const double x = panel.to_x(tick);
         draw_grid_line_at_x(picture, panel, tick);
-        picture.words.push_back(
-            {fmt::format("{:g}%", 100 * tick), {x, panel.bottom + 16}, kFaintInk, 11, Anchor::middle});
+        picture.write(fmt::format("{:g}%", 100 * tick), {panel.to_x(tick), panel.bottom + 16}, kFaintInk, 11,
+                      Anchor::middle);
     }
     for (std::size_t event = 0; event < kEventCount; ++event) {
         const double top = panel.top + row * static_cast<double>(event) + 2;
         double y = top - thickness;
-        for (std::size_t group = 0; group < shares.size(); ++group) {
+        for (std::size_t group = 0; group < labels.size(); ++group) {
             if (labels[group].empty()) continue;
             y += thickness;
-            if (shares[group].empty()) continue;
-            picture.areas.push_back(rectangle(panel.left, y, panel.to_x(shares[group][event]), y + thickness,
+            const auto own = shares.find(group);
+            if (own == shares.end()) continue;
+            picture.areas.push_back(rectangle(panel.left, y, panel.to_x(own->second[event]), y + thickness,
                                               series_colour(group)));
             picture.areas.back().of.series = static_cast<int>(group);
         }
@@ -242,44 +208,37 @@ void draw_event_bars(Picture& picture, const Panel& panel, const std::vector<std
 }
 
 /// "bands: 95 % bootstrap intervals of the mean, 2000 resamples", where there are any.
-std::string interval_text(const Comparison& comparison, std::string_view shown_as, std::int64_t resamples) {
-    if (!has_intervals(comparison)) return "no intervals, which need several runs of a game";
+std::string interval_text(const Comparison& comparison, std::string_view shown_as,
+                          const Bootstrap& bootstrap) {
+    if (!comparison.has_interval_of_a_game()) return "no intervals, which need several runs of a game";
     return fmt::format("{}: {:g} % bootstrap intervals of the mean, {} resamples", shown_as,
-                       100 * comparison.config.bootstrap.confidence,
-                       std::min(comparison.config.bootstrap.resamples, resamples));
+                       100 * bootstrap.confidence, bootstrap.resamples);
 }
 
 struct EventPanel {
     std::string title{};
-    std::string game{};                         // none: the mean over several
-    std::vector<std::vector<double>> shares{};  // by group and Event
+    std::string game{};                                   // none: the mean over several
+    std::map<std::size_t, std::vector<double>> shares{};  // by group; by Event
 };
 
-/// A panel per game, or where that would be many, the mean over the games that all groups with a label have.
-std::vector<EventPanel> event_panels(const std::vector<GameRow>& rows,
-                                     const std::vector<std::string>& labels) {
+/// A panel per game, or where that would be many, the mean over the games that all of so many groups have.
+std::vector<EventPanel> event_panels(const std::vector<GameRow>& rows, std::size_t groups) {
     std::vector<EventPanel> panels;
     for (const auto& row : rows) {
-        EventPanel panel{.title = std::string(row.game->name), .game = std::string(row.game->name)};
-        for (const auto* result : row.results)
-            panel.shares.push_back(result == nullptr ? std::vector<double>() : result->event_shares);
-        panels.push_back(std::move(panel));
+        const std::string name(row.game->name);
+        auto& panel = panels.emplace_back(EventPanel{name, name});
+        for (const auto& [group, result] : row.results) panel.shares[group] = result->event_shares;
     }
     if (panels.size() <= kMostEventPanels) return panels;
-    std::erase_if(panels, [&](const EventPanel& panel) {
-        for (std::size_t group = 0; group < labels.size(); ++group)
-            if (!labels[group].empty() && panel.shares[group].empty()) return true;
-        return false;
-    });
+    std::erase_if(panels, [&](const EventPanel& panel) { return panel.shares.size() < groups; });
     if (panels.empty()) return panels;
     EventPanel mean{.title = fmt::format("mean over {} games", panels.size())};
-    mean.shares.resize(labels.size());
     for (const auto& panel : panels) {
-        for (std::size_t group = 0; group < labels.size(); ++group) {
-            if (labels[group].empty()) continue;
-            mean.shares[group].resize(kEventCount);
+        for (const auto& [group, shares] : panel.shares) {
+            auto& sum = mean.shares[group];
+            sum.resize(kEventCount);
             for (std::size_t event = 0; event < kEventCount; ++event)
-                mean.shares[group][event] += panel.shares[group][event] / static_cast<double>(panels.size());
+                sum[event] += shares[event] / static_cast<double>(panels.size());
         }
     }
     return {mean};
@@ -288,48 +247,45 @@ std::vector<EventPanel> event_panels(const std::vector<GameRow>& rows,
 }  // namespace
 
 Picture game_curves_figure(const Comparison& comparison) {
-    const auto rows = rows_with(comparison, has_curve);
-    const auto references = references_of(comparison);
-    auto [picture, grid] = small_multiples("Learning curves, game by game", labels_in(rows, comparison),
-                                           rows.size(), references);
+    const auto rows =
+        rows_with(comparison, [](const GameResult& result) { return result.curve.steps.size() > 1; });
+    auto references = comparison.random_floors;
+    std::ranges::move(published(comparison), std::back_inserter(references));
+    Picture picture;
+    const auto grid = begin_panels(picture, "Learning curves, game by game", labels_in(rows, comparison),
+                                   rows.size(), references);
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<double> values;
-        double last_step = 1;
-        for (const auto* result : rows[i].results) {
-            if (result == nullptr) continue;
+        Panel panel = grid.panel(i);
+        for (const auto& [group, result] : rows[i].results) {
             for (const auto& [value, low, high] : result->curve.values)
                 values.insert(values.end(), {value, low, high});
-            last_step = std::max(last_step, result->curve.steps.back());
+            panel.x.high = std::max(panel.x.high, result->curve.steps.back());
         }
         auto seen = references_in_sight(references, *rows[i].game, room_for(values));
-        for (const auto& reference : seen) values.push_back(reference.value);
-        Panel panel = grid.panel(i);
-        panel.x = {0, last_step};
+        for (const auto& reference : seen) values.push_back(reference.score);
         panel.y = room_for(values);
-        const auto before = extent_of(picture);
-        draw_axes(picture, panel, 3, 4, 11);
-        title_panel(picture, panel, rows[i].game->name);
-        draw_references(picture, panel, std::move(seen));
-        for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
-            const auto* result = rows[i].results[group];
-            if (result != nullptr)
+        const auto name = rows[i].game->name;
+        draw_panel(picture, panel, name, name, 3, 4, [&] {
+            draw_references(picture, panel, std::move(seen));
+            for (const auto& [group, result] : rows[i].results)
                 draw_curve(picture, panel, result->curve.steps, result->curve.values, group,
-                           result->runs.size() > 1);
-        }
-        assign_panel(picture, before, panel, rows[i].game->name);
+                           result->has_interval());
+        });
     }
     finish_picture(
         picture, grid.bottom(),
         fmt::format("score over agent steps; mean of the runs ({}); {}{}", runs_in(rows, &Run::scores),
-                    interval_text(comparison, "bands", kBandResamples),
+                    interval_text(comparison, "bands", comparison.config.for_bands()),
                     references.empty() ? "" : "; dashed lines that are far from the curves are left out"));
     return picture;
 }
 
 Picture event_figure(const Comparison& comparison) {
-    const auto rows = rows_with(comparison, has_events);
+    const auto rows =
+        rows_with(comparison, [](const GameResult& result) { return !result.event_shares.empty(); });
     const auto labels = labels_in(rows, comparison);
-    const auto panels = event_panels(rows, labels);
+    const auto panels = event_panels(rows, drawn(labels));
     const double row = std::max(16.0, 5 * static_cast<double>(drawn(labels)) + 4);
     const double names = 118, panel_width = panels.size() == 1 ? 520 : 200, between = 40;
     Picture picture = titled_picture(
@@ -338,14 +294,12 @@ Picture event_figure(const Comparison& comparison) {
     const double bottom = top + row * kEventCount;
     double highest = 0.01;
     for (const auto& panel : panels)
-        for (const auto& shares : panel.shares)
-            for (const double share : shares) highest = std::max(highest, share);
+        for (const auto& [group, shares] : panel.shares)
+            highest = std::max(highest, *std::ranges::max_element(shares));
     for (std::size_t event = 0; event < kEventCount; ++event) {
-        picture.words.push_back({std::string(event_name(static_cast<Event>(event))),
-                                 {kMargin + names - 8, top + row * (static_cast<double>(event) + 0.5) + 4},
-                                 kInk,
-                                 11,
-                                 Anchor::end});
+        picture.write(std::string(event_name(static_cast<Event>(event))),
+                      {kMargin + names - 8, top + row * (static_cast<double>(event) + 0.5) + 4}, kInk, 11,
+                      Anchor::end);
     }
     for (std::size_t i = 0; i < panels.size(); ++i) {
         const double left = kMargin + names + static_cast<double>(i) * (panel_width + between);
@@ -391,7 +345,7 @@ void draw_zone_key(Picture& picture, double left, double top) {
         const double x = left + kStep * places[zone].first, y = top + kStep * places[zone].second;
         picture.areas.push_back(rectangle(x, y, x + kSquare, y + kSquare, kZoneColours[zone]));
     }
-    picture.words.push_back({"where the joystick was", {left + 3 * kStep + 8, top + 27}, kFaintInk, 11});
+    picture.write("where the joystick was", {left + 3 * kStep + 8, top + 27}, kFaintInk, 11);
 }
 
 /// One area on the other, from the centre upwards.
@@ -412,10 +366,6 @@ void draw_zones(Picture& picture, const Panel& panel, const std::vector<ZoneRow>
     }
 }
 
-bool has_zones(const GameResult& result) {
-    return !result.zones.empty();
-}
-
 /// game_table() as a picture.
 Picture game_table_figure(const Comparison& comparison) {
     constexpr double kRow = 21, kLine = 15, kSize = 12, kGap = 22, kTop = 66, kHeading = 150;
@@ -427,47 +377,36 @@ Picture game_table_figure(const Comparison& comparison) {
     for (std::size_t column = 0; column < table.header.size(); ++column) {
         headings.push_back(wrapped(table.header[column], kHeading, kSize));
         height = std::max(height, headings.back().size());
-        double width = 0;
-        for (const auto& line : headings.back()) width = std::max(width, text_width(line, kSize, true));
+        double width = widest(headings.back(), kSize, true);
         for (const auto& row : table.rows) width = std::max(width, text_width(row[column], kSize, true));
         rights.push_back(x + width);
         x += width + kGap;
     }
     Picture picture = titled_picture("Scores, game by game", x - kGap + kMargin);
-    const auto write = [&](const std::vector<std::string>& row, double y, auto&& is_bold, Colour colour) {
-        for (std::size_t column = 0; column < row.size(); ++column) {
-            if (row[column].empty()) continue;
-            const bool first = column == 0;
-            picture.words.push_back({row[column],
-                                     {first ? kMargin : rights[column], y},
-                                     colour,
-                                     kSize,
-                                     first ? Anchor::start : Anchor::end,
-                                     is_bold(column)});
-        }
+    const auto write = [&](std::size_t column, const std::string& text, double y, bool bold) {
+        if (text.empty()) return;
+        picture.write(text, {column == 0 ? kMargin : rights[column], y}, kInk, kSize,
+                      column == 0 ? Anchor::start : Anchor::end, bold);
     };
-    double y = kTop;
     for (std::size_t line = 0; line < height; ++line) {
-        std::vector<std::string> row;
-        for (const auto& heading : headings) {
-            const auto above = height - heading.size();  // headings end in one line
-            row.push_back(line < above ? "" : heading[line - above]);
+        for (std::size_t column = 0; column < headings.size(); ++column) {
+            const auto above = height - headings[column].size();  // headings end in one line
+            if (line >= above)
+                write(column, headings[column][line - above], kTop + kLine * static_cast<double>(line), true);
         }
-        y = kTop + kLine * static_cast<double>(line);
-        write(
-            row, y, [](std::size_t) { return true; }, kInk);
     }
+    double y = kTop + kLine * static_cast<double>(height - 1);
     picture.lines.push_back({{{kMargin, y + 7}, {rights.back(), y + 7}}, kFaintInk, 1});
     for (std::size_t i = 0; i < table.rows.size(); ++i) {
         y += kRow;
-        write(
-            table.rows[i], y, [&](std::size_t column) { return table.best[i][column]; }, kInk);
+        for (std::size_t column = 0; column < table.rows[i].size(); ++column)
+            write(column, table.rows[i][column], y, table.best[i][column]);
         picture.lines.push_back({{{kMargin, y + 6}, {rights.back(), y + 6}}, kGrid, 1});
     }
     finish_picture(
         picture, y + 10,
         fmt::format("mean of the runs ({}); {}{}", runs_text_of_all_games(comparison),
-                    interval_text(comparison, "brackets", comparison.config.bootstrap.resamples),
+                    interval_text(comparison, "brackets", comparison.config.bootstrap),
                     comparison.results.size() > 1 ? "; bold: the highest mean of the groups" : ""));
     return picture;
 }
@@ -475,7 +414,7 @@ Picture game_table_figure(const Comparison& comparison) {
 /// A panel per game and group: the parts of the agent steps in each of the joystick's zones, over the
 /// training.
 Picture zone_figure(const Comparison& comparison) {
-    auto rows = rows_with(comparison, has_zones);
+    auto rows = rows_with(comparison, [](const GameResult& result) { return !result.zones.empty(); });
     rows.resize(std::min<std::size_t>(rows.size(), 6));
     const auto labels = labels_in(rows, comparison);
     struct Shown {
@@ -484,29 +423,24 @@ Picture zone_figure(const Comparison& comparison) {
         const std::vector<ZoneRow>& zones;
     };
     std::vector<Shown> shown;
-    for (const auto& row : rows) {
-        for (std::size_t group = 0; group < row.results.size(); ++group) {
+    for (const auto& [game, results] : rows) {
+        for (const auto& [group, result] : results) {
             const auto which = drawn(labels) == 1 ? "" : ": " + letter(group);
-            if (const auto* result = row.results[group]; result != nullptr)
-                shown.push_back({row.game->name, std::string(row.game->name) + which, result->zones});
+            shown.push_back({game->name, std::string(game->name) + which, result->zones});
         }
     }
     constexpr std::size_t kMostPanels = 48;
     const auto panels = std::span(shown).first(std::min(shown.size(), kMostPanels));
-    auto picture = titled_picture("Zones of the joystick over the training", Grid(panels.size(), 0).width());
+    Grid grid{panels.size(), 100};
+    auto picture = titled_picture("Zones of the joystick over the training", grid.width());
     draw_zone_key(picture, kMargin, 50);
-    const double key = drawn(labels) > 1 ? draw_letter_key(picture, "groups", labels, 100) : 0;
-    const Grid grid(panels.size(), 100 + key);
+    if (drawn(labels) > 1) grid.top += draw_letter_key(picture, "groups", labels, grid.top);
     for (std::size_t i = 0; i < panels.size(); ++i) {
         Panel panel = grid.panel(i);
-        const auto& [game, title, zones] = panels[i];
+        const auto& zones = panels[i].zones;
         panel.x = {0, zones.back().step};
-        panel.y = {0, 1};
-        const auto before = extent_of(picture);
-        draw_axes(picture, panel, 3, 2, 11);
-        title_panel(picture, panel, title);
-        draw_zones(picture, panel, zones);
-        assign_panel(picture, before, panel, game);
+        draw_panel(picture, panel, panels[i].game, panels[i].title, 3, 2,
+                   [&] { draw_zones(picture, panel, zones); });
     }
     finish_picture(picture, grid.bottom(),
                    fmt::format("part of the agent steps since the point before, over agent steps; mean of "
@@ -521,31 +455,27 @@ Picture zone_figure(const Comparison& comparison) {
 
 /// A panel per game: the rewards of an agent step, by quantile.
 Picture reward_figure(const Comparison& comparison) {
-    const auto rows = rows_with(comparison, has_rewards);
-    auto [picture, grid] =
-        small_multiples("Rewards of an agent step, by quantile", labels_in(rows, comparison), rows.size());
+    const auto rows =
+        rows_with(comparison, [](const GameResult& result) { return result.reward_quantiles.size() > 1; });
+    Picture picture;
+    const auto grid = begin_panels(picture, "Rewards of an agent step, by quantile",
+                                   labels_in(rows, comparison), rows.size());
     for (std::size_t i = 0; i < rows.size(); ++i) {
         std::vector<double> rewards;
-        for (const auto* result : rows[i].results)
-            if (result != nullptr)
-                for (const auto& [quantile, reward] : result->reward_quantiles) rewards.push_back(reward);
+        for (const auto& [group, result] : rows[i].results)
+            for (const auto& [quantile, reward] : result->reward_quantiles) rewards.push_back(reward);
         Panel panel = grid.panel(i);
         panel.y = room_for(rewards);
-        const auto before = extent_of(picture);
-        draw_axes(picture, panel, 4, 4, 11);
-        title_panel(picture, panel, rows[i].game->name);
-        for (std::size_t group = 0; group < rows[i].results.size(); ++group) {
-            const auto* result = rows[i].results[group];
-            if (result == nullptr) continue;
-            std::vector<double> x;
-            std::vector<Estimate> y;
-            for (const auto& [quantile, reward] : result->reward_quantiles) {
-                x.push_back(quantile);
-                y.push_back({reward, reward, reward});
+        const auto name = rows[i].game->name;
+        draw_panel(picture, panel, name, name, 4, 4, [&] {
+            for (const auto& [group, result] : rows[i].results) {
+                const auto estimate = [](const RewardQuantile& of) {
+                    return Estimate{of.reward, of.reward, of.reward};
+                };
+                draw_curve(picture, panel, mapped(result->reward_quantiles, &RewardQuantile::quantile),
+                           mapped(result->reward_quantiles, estimate), group, false);
             }
-            draw_curve(picture, panel, x, y, group, false);
-        }
-        assign_panel(picture, before, panel, rows[i].game->name);
+        });
     }
     finish_picture(picture, grid.bottom(),
                    "reward (vertical) that the given part of the agent steps (horizontal) of each run's "
@@ -567,37 +497,31 @@ std::string floor_sentence(const Comparison& comparison) {
 
 std::vector<Figure> game_figures(const Comparison& comparison) {
     std::vector<Figure> all;
-    if (!rows_with(comparison, has_curve).empty()) {
-        all.push_back({"game_curves", "Learning curves",
-                       "The score as each game counts it, over agent steps." + floor_sentence(comparison),
-                       game_curves_figure(comparison)});
-    }
+    const auto add_panels = [&](Figure figure) {  // unless nothing is to show in any
+        if (!figure.picture.panels.empty()) all.push_back(std::move(figure));
+    };
+    add_panels({"game_curves", "Learning curves",
+                "The score as each game counts it, over agent steps." + floor_sentence(comparison),
+                game_curves_figure(comparison)});
     all.push_back(
         {"game_scores", "Scores by game",
          std::string("The score as each game counts it, beside the scores that it is normalised with.") +
              (comparison.results.size() == 1 ? ""
-              : has_intervals(comparison)
+              : comparison.has_interval_of_a_game()
                   ? " The highest mean of the groups is bold; where intervals overlap, that means little."
                   : " The highest mean of the groups is bold; without intervals, that means little.") +
              floor_sentence(comparison),
          game_table_figure(comparison)});
-    const auto with_events = rows_with(comparison, has_events);
-    if (!event_panels(with_events, labels_in(with_events, comparison)).empty()) {
-        all.push_back({"events", "Joystick events",
-                       fmt::format("What the agents ask of the joystick {}.",
-                                   comparison.config.score == ScoreKind::training ? "in all their training"
-                                                                                  : "when evaluated"),
-                       event_figure(comparison)});
-    }
-    if (!rows_with(comparison, has_zones).empty()) {
-        all.push_back({"zones", "Zones over the training",
-                       "Where the agents held the joystick, from the beginning of the training to its end.",
-                       zone_figure(comparison)});
-    }
-    if (!rows_with(comparison, has_rewards).empty()) {
-        all.push_back({"rewards", "Rewards", "How rewards are distributed over the steps of an evaluation.",
-                       reward_figure(comparison)});
-    }
+    add_panels({"events", "Joystick events",
+                fmt::format("What the agents ask of the joystick {}.",
+                            comparison.config.score == ScoreKind::training ? "in all their training"
+                                                                           : "when evaluated"),
+                event_figure(comparison)});
+    add_panels({"zones", "Zones over the training",
+                "Where the agents held the joystick, from the beginning of the training to its end.",
+                zone_figure(comparison)});
+    add_panels({"rewards", "Rewards", "How rewards are distributed over the steps of an evaluation.",
+                reward_figure(comparison)});
     return all;
 }
 

@@ -1,18 +1,17 @@
 #include "report/groups.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
 #include <functional>
-#include <map>
 #include <set>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "cale/text.h"
+#include "report/ranges.h"
 
 namespace cale {
 namespace {
@@ -37,16 +36,13 @@ std::set<std::string> keys_of(const Runs& runs) {
 }
 
 std::vector<std::string> values_of(const Run& run, const std::vector<std::string>& keys) {
-    std::vector<std::string> values;
-    values.reserve(keys.size());
-    for (const auto& key : keys) values.push_back(value_of(run, key));
-    return values;
+    return mapped(keys, [&](const std::string& key) { return value_of(run, key); });
 }
 
-std::size_t count_groups(const Runs& runs, const std::vector<std::string>& keys) {
+std::set<std::vector<std::string>> different_values(const Runs& runs, const std::vector<std::string>& keys) {
     std::set<std::vector<std::string>> different;
     for (const auto* run : runs) different.insert(values_of(*run, keys));
-    return different.size();
+    return different;
 }
 
 /// As few settings as tell apart all that differ: one that splits no group further is passed over, and one
@@ -56,34 +52,28 @@ std::vector<std::string> distinguishing_keys(const Runs& runs) {
     std::size_t groups = 1;
     for (const auto& key : keys_of(runs)) {
         chosen.push_back(key);
-        const auto split = count_groups(runs, chosen);
+        const auto split = different_values(runs, chosen).size();
         if (split == groups) chosen.pop_back();
         groups = split;
     }
     for (auto i = chosen.size(); i-- > 0;) {
         auto others = chosen;
         others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
-        if (count_groups(runs, others) == groups) chosen = std::move(others);
+        if (different_values(runs, others).size() == groups) chosen = std::move(others);
     }
     return chosen;
 }
 
-bool speaks_for_itself(const std::string& value) {
-    return !value.empty() && std::isalpha(static_cast<unsigned char>(value.front())) != 0 &&
-           value != "true" && value != "false" && value != "none";
-}
-
 std::string label_part(const std::string& key, const std::string& value) {
-    if (speaks_for_itself(value)) return value;
-    return value.empty() ? fmt::format("no {}", short_name(key))
-                         : fmt::format("{}={}", short_name(key), value);
+    if (value.empty()) return fmt::format("no {}", short_name(key));
+    const bool speaks_for_itself = std::isalpha(static_cast<unsigned char>(value.front())) != 0 &&
+                                   value != "true" && value != "false" && value != "none";
+    return speaks_for_itself ? value : fmt::format("{}={}", short_name(key), value);
 }
 
 std::string label_of(const Run& run, const std::vector<std::string>& keys) {
-    std::vector<std::string> parts;
-    parts.reserve(keys.size());
-    for (const auto& key : keys) parts.push_back(label_part(key, value_of(run, key)));
-    return fmt::format("{}", fmt::join(parts, ", "));
+    const auto part = [&](const std::string& key) { return label_part(key, value_of(run, key)); };
+    return joined(mapped(keys, part), ", ");
 }
 
 std::map<std::string, Runs> by_agent(const Runs& runs) {
@@ -99,8 +89,7 @@ std::map<const Run*, std::string> labels_of_themselves(const Runs& runs) {
     for (const auto& [agent, own] : agents) {
         auto keys = distinguishing_keys(own);
         if (keys.size() > kMostSettingsInALabel) {
-            std::set<std::vector<std::string>> different;
-            for (const auto* run : own) different.insert(values_of(*run, keys));
+            const auto different = different_values(own, keys);
             for (const auto* run : own) {
                 const auto place = std::distance(different.begin(), different.find(values_of(*run, keys)));
                 labels[run] = fmt::format("{} {}", agent, place + 1);
@@ -124,21 +113,17 @@ std::string full_key(const std::string& wanted, const Runs& runs) {
     if (meant.size() > 1)
         throw std::invalid_argument(
             fmt::format("--group-by {}: that may be {}", wanted, fmt::join(meant, " or ")));
-    for (const auto* key : {"env.game", "train.seed"}) {
-        if (wanted == key || wanted == short_name(key)) {
-            throw std::invalid_argument(
-                fmt::format("--group-by {}: game and seed are what the runs of a group differ in; leave it "
-                            "out: tables and curves are by game in any case",
-                            wanted));
-        }
-    }
+    if (is_game_or_seed(wanted) || wanted == "game" || wanted == "seed")
+        throw std::invalid_argument(
+            fmt::format("--group-by {}: game and seed are what the runs of a group differ in; leave it "
+                        "out: tables and curves are by game in any case",
+                        wanted));
     auto differing = differing_keys(runs);
-    const auto is_of_another = [&](const Run* run) { return run->agent != runs.front()->agent; };
-    if (std::ranges::any_of(runs, is_of_another)) differing.insert(differing.begin(), "agent");
+    if (by_agent(runs).size() > 1) differing.insert(differing.begin(), "agent");
     throw std::invalid_argument(fmt::format(
         "--group-by {}: no run has such a setting, or it has no effect on results; the runs differ "
         "in {}",
-        wanted, differing.empty() ? "no setting" : fmt::format("{}", fmt::join(differing, ", "))));
+        wanted, differing.empty() ? "no setting" : joined(differing, ", ")));
 }
 
 bool all_agree(const SettingRow& row) {
@@ -151,13 +136,12 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
     Runs pointers;
     pointers.reserve(runs.size());
     for (const auto& run : runs)
-        if (run.recorded_as.empty()) pointers.push_back(&run);
+        if (!run.is_recorded()) pointers.push_back(&run);
     std::map<const Run*, std::string> labels;
     if (keys.empty()) {
         labels = labels_of_themselves(pointers);
     } else {
         std::vector<std::string> full;
-        full.reserve(keys.size());
         for (const auto& key : keys) {
             auto name = full_key(key, pointers);
             if (std::ranges::find(full, name) == full.end()) full.push_back(std::move(name));
@@ -166,39 +150,32 @@ std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::stri
     }
     std::map<std::pair<std::string, bool>, Group> groups;  // a recorded one may have the label of another
     for (auto& run : runs) {
-        const bool recorded = !run.recorded_as.empty();
+        const bool recorded = run.is_recorded();
         const auto label = recorded ? run.recorded_as : labels.at(&run);
         auto& group = groups[{label, recorded}];
         group.label = label;
         group.runs.push_back(std::move(run));
     }
-    std::vector<Group> sorted;
-    sorted.reserve(groups.size());
-    for (auto& [identity, group] : groups) sorted.push_back(std::move(group));
+    auto sorted = values_in(std::move(groups));
     std::ranges::stable_sort(sorted, natural_less, &Group::label);
     return sorted;
-}
-
-bool is_recorded(const Group& group) {
-    return !group.runs.front().recorded_as.empty();
 }
 
 void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::string>& names) {
     std::set<std::string> labels;
     for (const auto& group : groups) labels.insert(group.label);
-    for (const auto& [label, name] : names) {
-        if (labels.contains(label)) continue;
-        throw std::invalid_argument(fmt::format("--name {}={}: no group is called {}; there are {}", label,
-                                                name, label, fmt::join(labels, "; ")));
-    }
+    for (const auto& [label, name] : names)
+        if (!labels.contains(label))
+            throw std::invalid_argument(fmt::format("--name {0}={1}: no group is called {0}; there are {2}",
+                                                    label, name, fmt::join(labels, "; ")));
     std::set<std::string> own, taken;
     for (const auto& group : groups)
-        if (!is_recorded(group)) own.insert(group.label);
+        if (!group.is_recorded()) own.insert(group.label);
     for (auto& group : groups) {
         const auto name = names.find(group.label);
         const auto label = group.label;
         // Where a recorded group is called like one of the user's, that one is meant.
-        if (name != names.end() && !(is_recorded(group) && own.contains(group.label)))
+        if (name != names.end() && !(group.is_recorded() && own.contains(group.label)))
             group.label = name->second;
         if (!taken.insert(group.label).second)
             throw std::invalid_argument(
@@ -207,13 +184,13 @@ void rename_groups(std::vector<Group>& groups, const std::map<std::string, std::
     }
     // Recorded groups come last.
     std::ranges::stable_sort(groups, natural_less, &Group::label);
-    std::stable_partition(groups.begin(), groups.end(), std::not_fn(is_recorded));
+    std::stable_partition(groups.begin(), groups.end(), std::not_fn(&Group::is_recorded));
 }
 
 std::vector<std::string> missing_runs(const std::vector<Group>& groups) {
     std::set<std::string_view> games;
     std::set<std::uint64_t> seeds;
-    const auto counts = [](const Run& run) { return !run.in_sweep_list && run.recorded_as.empty(); };
+    const auto counts = [](const Run& run) { return !run.in_sweep_list && !run.is_recorded(); };
     for (const auto& group : groups) {
         for (const auto& run : group.runs) {
             if (!counts(run)) continue;
@@ -241,16 +218,15 @@ std::vector<std::string> missing_runs(const std::vector<Run>& runs) {
 std::vector<std::string> differing_keys(const std::vector<const Run*>& runs) {
     std::vector<std::string> differing;
     for (const auto& key : keys_of(runs))
-        if (count_groups(runs, {key}) > 1) differing.push_back(key);
+        if (different_values(runs, {key}).size() > 1) differing.push_back(key);
     return differing;
 }
 
 std::vector<std::string> partial_settings(const std::vector<Group>& groups) {
     Runs runs;
-    for (const auto& group : groups) {
-        if (is_recorded(group)) continue;
-        for (const auto& run : group.runs) runs.push_back(&run);
-    }
+    for (const auto& group : groups)
+        for (const auto& run : group.runs)
+            if (!run.is_recorded()) runs.push_back(&run);
     std::vector<std::string> partial;
     for (const auto& [agent, own] : by_agent(runs)) {
         for (const auto& key : keys_of(own)) {
@@ -272,19 +248,16 @@ std::vector<SettingRow> all_settings(const std::vector<Group>& groups) {
             }
         }
     }
-    std::vector<SettingRow> rows;
-    for (const auto& [key, of_groups] : values) {
-        SettingRow row{.key = key};
-        for (const auto& some : of_groups) row.values.push_back(fmt::format("{}", fmt::join(some, " / ")));
-        rows.push_back(std::move(row));
-    }
-    return rows;
+    return mapped(values, [](const auto& row) {
+        const auto all_of = [](const auto& some) { return joined(some, " / "); };
+        return SettingRow{row.first, mapped(row.second, all_of)};
+    });
 }
 
 std::vector<SettingRow> differing_settings(const std::vector<Group>& groups) {
     std::map<std::string, std::vector<std::size_t>> of_agents;  // groups of the user's, by agent
     for (std::size_t i = 0; i < groups.size(); ++i)
-        if (!is_recorded(groups[i])) of_agents[groups[i].runs.front().agent].push_back(i);
+        if (!groups[i].is_recorded()) of_agents[groups[i].runs.front().agent].push_back(i);
     auto rows = all_settings(groups);
     std::erase_if(rows, [&](const SettingRow& row) {
         const bool of_all = std::ranges::find(row.values, "") == row.values.end();

@@ -13,6 +13,9 @@ namespace cale {
 struct Group {
     std::string label{};
     std::vector<Run> runs{};
+
+    /// Whether its runs are rows of a table (recorded_runs.h).
+    bool is_recorded() const { return runs.front().is_recorded(); }
 };
 
 /// Without `keys`: runs of the same agent with the same settings are a group, and its label is the agent
@@ -22,9 +25,6 @@ struct Group {
 /// differs. Throws std::invalid_argument for a key that no run has, naming those in which the runs differ,
 /// for a short one that may be several, and for the game and the seed.
 std::vector<Group> group_runs(std::vector<Run> runs, const std::vector<std::string>& keys = {});
-
-/// Returns whether the group's runs are rows of a table (recorded_runs.h).
-bool is_recorded(const Group& group);
 
 /// Gives groups the names to which `names` maps their labels, and sorts them again, recorded ones last.
 /// Throws std::invalid_argument for a label that no group has, naming those that there are, and where two

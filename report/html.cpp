@@ -1,7 +1,6 @@
 #include "report/html.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +10,7 @@
 
 #include "cale/text.h"
 #include "report/panel.h"
+#include "report/ranges.h"
 #include "report/tables.h"
 
 namespace cale {
@@ -87,22 +87,19 @@ std::string inline_svg(const Picture& picture, bool with_data) {
 std::string html_table(const Table& table, std::string_view caption) {
     std::string html =
         fmt::format("<div class=\"card\"><table>\n<caption>{}</caption>\n<thead><tr>", escaped(caption));
-    const auto kind = [&](std::size_t column) {
-        return column < table.name_columns ? std::string_view(" class=\"name\"") : std::string_view();
-    };
     for (std::size_t column = 0; column < table.header.size(); ++column)
-        html += fmt::format("<th scope=\"col\"{}>{}</th>", kind(column), escaped(table.header[column]));
+        html +=
+            fmt::format("<th scope=\"col\"{}>{}</th>", column < table.name_columns ? " class=\"name\"" : "",
+                        escaped(table.header[column]));
     html += "</tr></thead>\n<tbody>\n";
     for (std::size_t i = 0; i < table.rows.size(); ++i) {
         html += "<tr>";
         for (std::size_t column = 0; column < table.rows[i].size(); ++column) {
             const auto text = escaped(table.rows[i][column]);
-            if (column < table.name_columns) {
-                html += fmt::format("<th scope=\"row\" class=\"name\">{}</th>", text);
-            } else {
-                const bool best = table.is_bold(i, column);
-                html += fmt::format("<td{}>{}</td>", best ? " class=\"best\"" : "", text);
-            }
+            html +=
+                column < table.name_columns
+                    ? fmt::format("<th scope=\"row\" class=\"name\">{}</th>", text)
+                    : fmt::format("<td{}>{}</td>", table.is_bold(i, column) ? " class=\"best\"" : "", text);
         }
         html += "</tr>\n";
     }
@@ -110,9 +107,8 @@ std::string html_table(const Table& table, std::string_view caption) {
 }
 
 std::string html_list(const std::vector<std::string>& items) {
-    std::string html = "<ul class=\"plain\">\n";
-    for (const auto& item : items) html += fmt::format("<li>{}</li>\n", escaped(item));
-    return html + "</ul>\n";
+    const auto entry = [](const std::string& item) { return fmt::format("<li>{}</li>\n", escaped(item)); };
+    return "<ul class=\"plain\">\n" + joined(mapped(items, entry), "") + "</ul>\n";
 }
 
 /// Long lists are folded, so that what is below the box stays in sight.
@@ -127,18 +123,16 @@ std::string html_note(const Note& note) {
 
 std::string note_box(const Comparison& comparison) {
     if (comparison.notes.empty()) return "";
-    std::string html =
-        "<div class=\"note\" id=\"notes\"><strong>Before you believe a figure</strong>\n<ul>\n";
-    for (const auto& note : comparison.notes) html += html_note(note);
-    return html + "</ul></div>\n";
+    return fmt::format(
+        "<div class=\"note\" id=\"notes\"><strong>Before you believe a "
+        "figure</strong>\n<ul>\n{}</ul></div>\n",
+        fmt::join(mapped(comparison.notes, html_note), ""));
 }
 
 /// "As files: a.svg, a.png", each a link.
 std::string file_links(const std::vector<std::string>& files) {
-    std::vector<std::string> links;
-    links.reserve(files.size());
-    for (const auto& file : files) links.push_back(fmt::format("<a href=\"{0}\">{0}</a>", file));
-    return fmt::format("<p class=\"faint\">As files: {}</p>\n", fmt::join(links, ", "));
+    const auto link = [](const std::string& file) { return fmt::format("<a href=\"{0}\">{0}</a>", file); };
+    return fmt::format("<p class=\"faint\">As files: {}</p>\n", fmt::join(mapped(files, link), ", "));
 }
 
 std::string heading(std::string_view id, std::string_view title) {
@@ -149,8 +143,9 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
     std::string html =
         heading(figure.name, figure.title) + fmt::format("<p>{}</p>\n", escaped(figure.caption));
     if (figure.name == "game_scores") {
-        html += html_table(game_table(comparison),
-                           has_intervals(comparison) ? "Mean of the runs [interval]" : "Mean of the runs");
+        html += html_table(game_table(comparison), comparison.has_interval_of_a_game()
+                                                       ? "Mean of the runs [interval]"
+                                                       : "Mean of the runs");
     } else {
         html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture, with_data));
     }
@@ -160,12 +155,12 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
     if (is_table) files.insert(files.end(), {figure.name + ".tex", figure.name + ".md"});
     html += file_links(files);
     if (figure.name == "aggregates")
-        html += html_table(aggregate_table(comparison), has_interval_of_aggregates(comparison)
+        html += html_table(aggregate_table(comparison), comparison.has_interval_of_aggregates()
                                                             ? "Human-normalised, estimate [interval]"
                                                             : "Human-normalised estimates");
     if (figure.name == "probability_of_improvement")
         html += html_table(improvement_table(comparison),
-                           has_interval_of_a_pair(comparison) ? "Estimate [interval]" : "Estimates");
+                           comparison.has_interval_of_a_pair() ? "Estimate [interval]" : "Estimates");
     return html;
 }
 
@@ -184,11 +179,8 @@ std::string settings_section(const Comparison& comparison) {
                            "In which groups differ, of those that all groups or several of one agent have");
     if (const auto shared = shared_setting_table(comparison); !shared.rows.empty())
         html += html_table(shared, "That all runs share, or whose values all groups have");
-    const auto has_settings = [](const Run& run) { return !run.settings.empty(); };
-    const bool listed = std::ranges::any_of(
-        comparison.groups, [&](const Group& group) { return std::ranges::any_of(group.runs, has_settings); });
     std::vector<std::string> files{"settings.csv"};
-    if (listed) files.insert(files.end(), {"settings.tex", "settings.md"});
+    if (!all_settings(comparison.groups).empty()) files.insert(files.end(), {"settings.tex", "settings.md"});
     return html + file_links(files);
 }
 
@@ -215,13 +207,13 @@ std::string method_section(const Comparison& comparison, const PageOrigin& origi
               "steps if that is less, exploration included"
             : "the mean return of its newest evaluation; of several of one checkpoint, the one with the most "
               "games",
-        has_intervals(comparison)
+        comparison.has_interval_of_a_game()
             ? fmt::format(
                   "Intervals are {:g} % percentile intervals of a stratified bootstrap: {} resamples, {} for "
                   "the bands of curves and profiles, each drawing every game's runs with replacement, "
                   "seed {}.",
-                  100 * bootstrap.confidence, bootstrap.resamples,
-                  std::min(bootstrap.resamples, kBandResamples), bootstrap.seed)
+                  100 * bootstrap.confidence, bootstrap.resamples, comparison.config.for_bands().resamples,
+                  bootstrap.seed)
             : "There are no intervals, which need several runs of a game.");
     return html;
 }
@@ -232,12 +224,6 @@ std::string summary(const Comparison& comparison) {
     return fmt::format("{} in {}; {}; aggregates over {}", counted(runs, "run"),
                        counted(comparison.groups.size(), "group"), runs_text_of_all_games(comparison),
                        counted(comparison.games.size(), "game"));
-}
-
-std::string game_names(const Comparison& comparison) {
-    std::vector<std::string_view> names;
-    for (const auto* game : comparison.games) names.push_back(game->name);
-    return fmt::format("{}", fmt::join(names, ", "));
 }
 
 /// report_page.js, with the groups that its buttons are for.
@@ -263,12 +249,12 @@ std::string to_html(const Comparison& comparison, const std::vector<Figure>& fig
         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
         "<meta name=\"color-scheme\" content=\"light dark\">\n<title>CALE: {}</title>\n<style>{}</style>\n"
         "</head>\n<body>\n<main>\n<h1>{}</h1>\n<p class=\"faint\">{}. {}.</p>\n",
-        escaped(fmt::format("{}", fmt::join(labels_of(comparison), " | "))), kStyle,
+        escaped(joined(labels_of(comparison), " | ")), kStyle,
         "Runs on the Continuous Arcade Learning Environment", escaped(summary(comparison)),
         escaped(origin.time));
     if (!comparison.games.empty())
         html += fmt::format("<p class=\"faint\">Games in the aggregates: {}.</p>\n",
-                            escaped(game_names(comparison)));
+                            escaped(joined(mapped(comparison.games, &Game::name), ", ")));
 
     html += "<nav><a href=\"#setup\">What was run</a>";
     for (const auto& figure : figures)

@@ -5,28 +5,16 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <string_view>
 
 #include "cale/fields.h"
 #include "report/panel.h"
+#include "report/ranges.h"
 
 namespace cale {
 namespace {
 
 using Polygon = std::vector<Point>;
-
-constexpr double kPi = std::numbers::pi;
-
-Polygon unit_disc() {
-    constexpr int kCorners = 720;
-    Polygon disc;
-    for (int i = 0; i < kCorners; ++i) {
-        const double angle = 2 * kPi * i / kCorners;
-        disc.push_back({std::cos(angle), std::sin(angle)});
-    }
-    return disc;
-}
 
 /// The part of a convex polygon where `height` is positive; it is linear. (Sutherland and Hodgman 1974)
 Polygon cut(const Polygon& polygon, const std::function<double(Point)>& height) {
@@ -73,61 +61,47 @@ Event with_fire(Event event) {
     return event_of(static_cast<int>(direction.x), static_cast<int>(direction.y), true);
 }
 
-Colour region_colour(Point direction) {
-    if (direction.x == 0 && direction.y == 0) return series_colour(6);
-    return series_colour(direction.x != 0 && direction.y != 0 ? 2 : 0);
-}
-
-void draw_label(Picture& picture, Point at, Anchor anchor, Event event, double share) {
-    picture.words.push_back({std::string(event_name(event)), at, kInk, 12.5, anchor, true});
-    picture.words.push_back(
-        {fmt::format("{:.1f}%", 100 * share), {at.x, at.y + 15}, kFaintInk, 11.5, anchor});
-}
-
 void draw_disc(Picture& picture, Point centre, double radius, bool fire, double threshold,
                const std::vector<double>& shares) {
     const auto to_picture = [&](Point p) { return Point{centre.x + radius * p.x, centre.y - radius * p.y}; };
     for (const auto& region : joystick_regions(threshold)) {
-        Polygon outline;
-        for (const auto& corner : region.outline) outline.push_back(to_picture(corner));
+        auto outline = mapped(region.outline, to_picture);
         const auto direction = direction_of(region.event);
-        picture.areas.push_back({outline, region_colour(direction), fire ? 0.5 : 0.25});
+        const int axes = (direction.x != 0) + (direction.y != 0);
+        picture.areas.push_back({outline,
+                                 series_colour(axes == 0   ? 6
+                                               : axes == 1 ? 0
+                                                           : 2),
+                                 fire ? 0.5 : 0.25});
         outline.push_back(outline.front());
         picture.lines.push_back({outline, kInk, 1.2});
 
         const auto event = fire ? with_fire(region.event) : region.event;
         const double share = shares[static_cast<std::size_t>(event)];
         const double length = std::hypot(direction.x, direction.y);
-        if (length == 0) {
-            draw_label(picture, {centre.x, centre.y - 2}, Anchor::middle, event, share);
-            continue;
-        }
-        auto at = to_picture({1.07 * direction.x / length, 1.07 * direction.y / length});
-        at.y += direction.y > 0 ? -16 : direction.y < 0 ? 12 : -3;
-        draw_label(picture, at,
-                   direction.x > 0   ? Anchor::start
-                   : direction.x < 0 ? Anchor::end
-                                     : Anchor::middle,
-                   event, share);
+        auto at =
+            length > 0 ? to_picture({1.07 * direction.x / length, 1.07 * direction.y / length}) : centre;
+        at.y += direction.y > 0 ? -16 : direction.y < 0 ? 12 : length > 0 ? -3 : -2;
+        const auto anchor = direction.x > 0 ? Anchor::start : direction.x < 0 ? Anchor::end : Anchor::middle;
+        picture.write(std::string(event_name(event)), at, kInk, 12.5, anchor, true);
+        picture.write(fmt::format("{:.1f}%", 100 * share), {at.x, at.y + 15}, kFaintInk, 11.5, anchor);
     }
 }
 
 }  // namespace
 
 std::vector<JoystickRegion> joystick_regions(double threshold) {
-    const auto beyond = [&](int side, auto&& coordinate, Polygon polygon) {
-        if (side > 0) return cut(polygon, [&](Point p) { return coordinate(p) - threshold; });
-        if (side < 0) return cut(polygon, [&](Point p) { return -coordinate(p) - threshold; });
-        polygon = cut(polygon, [&](Point p) { return threshold - coordinate(p); });
-        return cut(polygon, [&](Point p) { return threshold + coordinate(p); });
+    const auto part = [&](Polygon polygon, double Point::*axis, int side) {
+        if (side != 0) return cut(polygon, [&](Point p) { return side * p.*axis - threshold; });
+        for (const int bound : {1, -1})
+            polygon = cut(polygon, [&](Point p) { return threshold - bound * p.*axis; });
+        return polygon;
     };
+    const auto whole = disc({}, 1, {}, 720).outline;
     std::vector<JoystickRegion> regions;
     for (const int vertical : {1, 0, -1}) {
         for (const int horizontal : {-1, 0, 1}) {
-            auto outline = beyond(
-                horizontal, [](Point p) { return p.x; }, unit_disc());
-            outline = beyond(
-                vertical, [](Point p) { return p.y; }, std::move(outline));
+            auto outline = part(part(whole, &Point::x, horizontal), &Point::y, vertical);
             if (outline.size() < 3) continue;
             const auto event = event_at(centre_of(outline), threshold);
             regions.push_back({event, std::move(outline)});
@@ -187,13 +161,9 @@ Picture joystick_map(double threshold, Joystick joystick) {
     Picture picture = titled_picture(title_of(threshold, joystick), 2 * kCell);
     for (const bool fire : {false, true}) {
         const Point centre{kCell * (fire ? 1.5 : 0.5), kTop + kRadius};
-        picture.words.push_back(
-            {fire ? fmt::format("fire > {:g}", threshold) : fmt::format("fire up to {:g}", threshold),
-             {centre.x, 72},
-             kInk,
-             14,
-             Anchor::middle,
-             true});
+        picture.write(
+            fire ? fmt::format("fire > {:g}", threshold) : fmt::format("fire up to {:g}", threshold),
+            {centre.x, 72}, kInk, 14, Anchor::middle, true);
         draw_disc(picture, centre, kRadius, fire, threshold, shares);
     }
     finish_picture(

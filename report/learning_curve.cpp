@@ -31,7 +31,7 @@ std::vector<Point> thinned(const std::vector<Point>& points) {
         if (last - first <= 4) {
             kept.insert(kept.end(), first, last);
         } else {
-            auto [low, high] = std::minmax_element(first, last, [](Point a, Point b) { return a.y < b.y; });
+            auto [low, high] = std::ranges::minmax_element(first, last, {}, &Point::y);
             if (high < low) std::swap(low, high);
             kept.insert(kept.end(), {*first, *low, *high, *(last - 1)});
         }
@@ -122,14 +122,11 @@ bool is_near(const Interval& returns, double score) {
 /// The least and the greatest; one to either side where all are equal, but for their last digits; 0 to 1 of
 /// none.
 Interval range_of(const std::vector<double>& returns) {
-    Interval range;
-    if (!returns.empty()) {
-        const auto [lowest, highest] = std::minmax_element(returns.begin(), returns.end());
-        range = {*lowest, *highest};
-    }
-    const double room = std::max(1.0, 1e-6 * std::max(std::abs(range.low), std::abs(range.high)));
-    if (nearly_equal(range.low, range.high)) range = {range.low - room, range.high + room};
-    return range;
+    if (returns.empty()) return {};
+    const auto [low, high] = std::ranges::minmax(returns);
+    if (!nearly_equal(low, high)) return {low, high};
+    const double room = std::max(1.0, 1e-6 * std::max(std::abs(low), std::abs(high)));
+    return {low - room, high + room};
 }
 
 /// The returns, the references that are near them, and a margin.
@@ -146,11 +143,8 @@ Interval shown_range(const Interval& returns, const std::vector<ReferenceScore>&
 
 void draw_returns(Picture& picture, const Panel& panel, const EpisodeHistory& episodes, std::size_t window) {
     if (episodes.returns.empty()) {
-        picture.words.push_back({"no episode has ended yet",
-                                 {(kLeft + panel.right) / 2, (kTop + kBottom) / 2},
-                                 kFaintInk,
-                                 15,
-                                 Anchor::middle});
+        picture.write("no episode has ended yet", {(kLeft + panel.right) / 2, (kTop + kBottom) / 2},
+                      kFaintInk, 15, Anchor::middle);
         return;
     }
     const auto averages = moving_average(episodes.returns, window);
@@ -166,8 +160,7 @@ void draw_returns(Picture& picture, const Panel& panel, const EpisodeHistory& ep
 /// Their words stand to the right of the curve, one below the other where they would overlap.
 void draw_references(Picture& picture, const Panel& panel, const Interval& returns,
                      std::vector<ReferenceScore> references) {
-    std::sort(references.begin(), references.end(),
-              [](const auto& a, const auto& b) { return a.score > b.score; });
+    std::ranges::sort(references, std::ranges::greater(), &ReferenceScore::score);
     double lowest_free = kTop - 20;
     for (const auto& reference : references) {
         const double height = std::clamp(panel.to_y(reference.score), kTop, kBottom);
@@ -175,15 +168,13 @@ void draw_references(Picture& picture, const Panel& panel, const Interval& retur
         lowest_free = baseline + 15;
         // One decimal, as scores are published.
         const double shown = std::round(10 * reference.score) / 10 + 0.0;
-        picture.words.push_back(
-            {fmt::format("{} {:g}", reference.label, shown), {panel.right + 8, baseline}, kReference, 12});
+        picture.write(fmt::format("{} {:g}", reference.label, shown), {panel.right + 8, baseline}, kReference,
+                      12);
         if (is_near(returns, reference.score)) {
             picture.lines.push_back({{{kLeft, height}, {panel.right, height}}, kReference, 1.2, true});
         } else {
-            picture.words.push_back({reference.score > panel.y.high ? "(far above)" : "(far below)",
-                                     {panel.right + 8, baseline + 15},
-                                     kReference,
-                                     12});
+            picture.write(reference.score > panel.y.high ? "(far above)" : "(far below)",
+                          {panel.right + 8, baseline + 15}, kReference, 12);
             lowest_free += 15;
         }
     }
@@ -208,17 +199,14 @@ Picture learning_curve(const EpisodeHistory& episodes, const std::string& title,
     draw_returns(picture, panel, episodes, window);
     draw_references(picture, panel, returns, references);
 
-    picture.words.push_back({title, {kLeft, 30}, kInk, 18, Anchor::start, true});
-    picture.words.push_back({"return", {kLeft, kTop - 14}, kInk, 13, Anchor::start});
-    picture.words.push_back({"agent steps", {panel.right, kBottom + 40}, kInk, 13, Anchor::end});
+    picture.write(title, {kLeft, 30}, kInk, 18, Anchor::start, true);
+    picture.write("return", {kLeft, kTop - 14}, kInk, 13, Anchor::start);
+    picture.write("agent steps", {panel.right, kBottom + 40}, kInk, 13, Anchor::end);
     if (count > 0) {
-        picture.words.push_back(
-            {"mean of " + counted(window, "episode"), {kRightEdge, 30}, kBold, 13, Anchor::end, true});
-        picture.words.push_back({fmt::format("each of {} episodes", count),
-                                 {kRightEdge, 48},
-                                 {0x6f, 0xa3, 0xd6},
-                                 13,
-                                 Anchor::end});
+        picture.write("mean of " + counted(window, "episode"), {kRightEdge, 30}, kBold, 13, Anchor::end,
+                      true);
+        picture.write(fmt::format("each of {} episodes", count), {kRightEdge, 48}, {0x6f, 0xa3, 0xd6}, 13,
+                      Anchor::end);
     }
     return picture;
 }

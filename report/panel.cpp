@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "report/ranges.h"
+
 namespace cale {
 namespace {
 
@@ -32,11 +34,6 @@ Line series_line(std::size_t index, double width) {
     return line;
 }
 
-void draw_grid_line_at_y(Picture& picture, const Panel& panel, double value) {
-    const double y = panel.to_y(value);
-    picture.areas.push_back(rectangle(panel.left, y - 0.5, panel.right, y + 0.5, kGrid));
-}
-
 }  // namespace
 
 Colour series_colour(std::size_t index) {
@@ -60,23 +57,16 @@ std::vector<std::string> tick_texts(const std::vector<double>& ticks) {
     for (const double tick : ticks) largest = std::max(largest, std::abs(tick));
     const double unit = largest >= 1e6 ? 1e6 : largest >= 1e4 ? 1e3 : 1;
     const auto* suffix = unit == 1e6 ? "M" : unit == 1e3 ? "k" : "";
-    std::vector<std::string> texts;
-    texts.reserve(ticks.size());
-    for (const double tick : ticks)
-        texts.push_back(fmt::format("{:g}{}", tick / unit, tick == 0 ? "" : suffix));
-    return texts;
-}
-
-bool nearly_equal(double low, double high) {
-    return high - low <= 1e-9 * std::max(std::abs(low), std::abs(high));
+    return mapped(ticks,
+                  [&](double tick) { return fmt::format("{:g}{}", tick / unit, tick == 0 ? "" : suffix); });
 }
 
 Interval room_for(std::span<const double> values) {
     if (values.empty()) return {};
-    auto [low, high] = std::minmax_element(values.begin(), values.end());
-    const double size = std::max(std::abs(*low), std::abs(*high));
-    const double room = nearly_equal(*low, *high) ? std::max(1.0, 0.1 * size) : 0.05 * (*high - *low);
-    return {*low - room, *high + room};
+    const auto [low, high] = std::ranges::minmax(values);
+    const double size = std::max(std::abs(low), std::abs(high));
+    const double room = nearly_equal(low, high) ? std::max(1.0, 0.1 * size) : 0.05 * (high - low);
+    return {low - room, high + room};
 }
 
 Picture titled_picture(const std::string& title, double width) {
@@ -84,7 +74,7 @@ Picture titled_picture(const std::string& title, double width) {
     Picture picture{.title = title};
     picture.width =
         static_cast<int>(std::ceil(std::max(width, text_width(title, kSize, true) + 2 * kMargin)));
-    picture.words.push_back({title, {kMargin, 32}, kInk, kSize, Anchor::start, true});
+    picture.write(title, {kMargin, 32}, kInk, kSize, Anchor::start, true);
     return picture;
 }
 
@@ -92,7 +82,7 @@ void finish_picture(Picture& picture, double bottom, const std::string& method) 
     constexpr double kSize = 11, kRow = 15;
     for (const auto& line : wrapped(method, picture.width - 2 * kMargin, kSize)) {
         bottom += kRow;
-        picture.words.push_back({line, {kMargin, bottom}, kFaintInk, kSize});
+        picture.write(line, {kMargin, bottom}, kFaintInk, kSize);
     }
     picture.height = static_cast<int>(std::ceil(bottom + kRow));
 }
@@ -114,14 +104,12 @@ void assign_panel(Picture& picture, const Extent& before, const Panel& panel, st
 }
 
 std::vector<double> fitting_ticks(const Panel& panel, int count, double text_size) {
-    auto ticks = nice_ticks(panel.x.low, panel.x.high, count);
-    for (; count > 1; --count) {
+    for (;; --count) {
+        auto ticks = nice_ticks(panel.x.low, panel.x.high, count);
         double width = 0;
         for (const auto& text : tick_texts(ticks)) width += text_width(text, text_size) + text_size;
-        if (width <= panel.right - panel.left + text_size) break;
-        ticks = nice_ticks(panel.x.low, panel.x.high, count - 1);
+        if (count <= 1 || width <= panel.right - panel.left + text_size) return ticks;
     }
-    return ticks;
 }
 
 void draw_grid_line_at_x(Picture& picture, const Panel& panel, double value) {
@@ -133,20 +121,18 @@ void draw_axes(Picture& picture, const Panel& panel, int x_ticks, int y_ticks, d
     const auto rows = nice_ticks(panel.y.low, panel.y.high, y_ticks);
     const auto row_texts = tick_texts(rows);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        draw_grid_line_at_y(picture, panel, rows[i]);
-        picture.words.push_back({row_texts[i],
-                                 {panel.left - 7, panel.to_y(rows[i]) + 0.35 * text_size},
-                                 kFaintInk,
-                                 text_size,
-                                 Anchor::end});
+        const double y = panel.to_y(rows[i]);
+        picture.areas.push_back(rectangle(panel.left, y - 0.5, panel.right, y + 0.5, kGrid));
+        picture.write(row_texts[i], {panel.left - 7, y + 0.35 * text_size}, kFaintInk, text_size,
+                      Anchor::end);
     }
     const auto columns = fitting_ticks(panel, x_ticks, text_size);
     const auto column_texts = tick_texts(columns);
     for (std::size_t i = 0; i < columns.size(); ++i) {
         const double x = panel.to_x(columns[i]);
         picture.lines.push_back({{{x, panel.bottom}, {x, panel.bottom + 4}}, kFaintInk, 1});
-        picture.words.push_back(
-            {column_texts[i], {x, panel.bottom + 6 + text_size}, kFaintInk, text_size, Anchor::middle});
+        picture.write(column_texts[i], {x, panel.bottom + 6 + text_size}, kFaintInk, text_size,
+                      Anchor::middle);
     }
     picture.lines.push_back({{{panel.left, panel.bottom}, {panel.right, panel.bottom}}, kFaintInk, 1});
 }
@@ -179,17 +165,16 @@ double draw_legend(Picture& picture, const std::vector<std::string>& names, doub
         }
         auto line = series_line(i, 3);
         line.points = {{x, y}, {x + kSample, y}};
-        picture.words.push_back(
-            {names[i], {x + kSample + kGap, y + 4}, kInk, kSize, Anchor::start, false, line.of});
+        picture.write(names[i], {x + kSample + kGap, y + 4}, kInk, kSize, Anchor::start, false, line.of);
         picture.lines.push_back(std::move(line));
         x += width + kBetween;
     }
     return y + kRow / 2 - top;
 }
 
-double widest(const std::vector<std::string>& texts, double size) {
+double widest(const std::vector<std::string>& texts, double size, bool bold) {
     double width = 0;
-    for (const auto& text : texts) width = std::max(width, text_width(text, size));
+    for (const auto& text : texts) width = std::max(width, text_width(text, size, bold));
     return width;
 }
 

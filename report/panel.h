@@ -32,9 +32,6 @@ struct Interval {
     double high = 1;
 };
 
-/// Whether two numbers, low <= high, are alike but for their last digits, as means of equal numbers may be.
-bool nearly_equal(double low, double high);
-
 /// The interval that holds all of `values`, with a little room on either side; never empty.
 Interval room_for(std::span<const double> values);
 
@@ -81,7 +78,7 @@ void draw_curve(Picture& picture, const Panel& panel, const std::vector<double>&
 double draw_legend(Picture& picture, const std::vector<std::string>& names, double left, double right,
                    double top);
 
-double widest(const std::vector<std::string>& texts, double size);
+double widest(const std::vector<std::string>& texts, double size, bool bold = false);
 
 /// `text` in lines no longer than `width` pixels.
 std::vector<std::string> wrapped(std::string_view text, double width, double size);

@@ -9,24 +9,17 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
-#include <string_view>
 
 #include "cale/text.h"
+#include "report/ranges.h"
 #include "storage/files.h"
 
 namespace cale {
 namespace {
 
-std::string_view svg_name(Anchor anchor) {
-    return anchor == Anchor::start ? "start" : anchor == Anchor::middle ? "middle" : "end";
-}
-
 std::string svg_points(const std::vector<Point>& points) {
-    std::string text;
-    for (const auto& point : points)
-        fmt::format_to(std::back_inserter(text), "{}{:.1f},{:.1f}", text.empty() ? "" : " ", point.x,
-                       point.y);
-    return text;
+    const auto text = [](Point point) { return fmt::format("{:.1f},{:.1f}", point.x, point.y); };
+    return joined(mapped(points, text), " ");
 }
 
 /// What a page's script gets to know of an element.
@@ -36,19 +29,17 @@ std::string data_of(const Belonging& of) {
 }
 std::string data_of(const std::vector<Sample>& samples) {
     if (samples.empty()) return "";
-    std::string text;
-    for (const auto& [x, y, low, high] : samples)
-        fmt::format_to(std::back_inserter(text), "{}{:.6g},{:.6g},{:.6g},{:.6g}", text.empty() ? "" : " ", x,
-                       y, low, high);
-    return fmt::format(" data-samples=\"{}\"", text);
+    const auto text = [](const Sample& sample) {
+        return fmt::format("{:.6g},{:.6g},{:.6g},{:.6g}", sample.x, sample.y, sample.low, sample.high);
+    };
+    return fmt::format(" data-samples=\"{}\"", fmt::join(mapped(samples, text), " "));
 }
 std::string data_of(const std::vector<PanelPlace>& panels) {
     if (panels.empty()) return "";
-    std::string text;
-    for (const auto& [game, left, top] : panels)
-        fmt::format_to(std::back_inserter(text), "{}{},{:.1f},{:.1f}", text.empty() ? "" : ";", game, left,
-                       top);
-    return fmt::format(" data-panels=\"{}\"", escaped(text));
+    const auto text = [](const PanelPlace& panel) {
+        return fmt::format("{},{:.1f},{:.1f}", panel.game, panel.left, panel.top);
+    };
+    return fmt::format(" data-panels=\"{}\"", escaped(joined(mapped(panels, text), ";")));
 }
 
 std::string svg_element(const Area& area, bool with_data) {
@@ -73,10 +64,7 @@ cv::Point fixed_point(Point point) {
 }
 
 std::vector<cv::Point> fixed_points(const std::vector<Point>& points) {
-    std::vector<cv::Point> fixed;
-    fixed.reserve(points.size());
-    for (const auto& point : points) fixed.push_back(fixed_point(point));
-    return fixed;
+    return mapped(points, fixed_point);
 }
 
 /// The strokes of a dashed line.
@@ -162,7 +150,7 @@ void draw(cv::Mat& image, const Text& words) {
                 cv::LINE_AA);
 }
 
-std::vector<unsigned char> to_png(const Picture& picture) {
+std::string to_png(const Picture& picture) {
     cv::Mat large(static_cast<int>(picture.height * kScale), static_cast<int>(picture.width * kScale),
                   CV_8UC3, cv::Scalar::all(255));
     for (const auto& area : picture.areas) draw(large, area);
@@ -173,7 +161,7 @@ std::vector<unsigned char> to_png(const Picture& picture) {
     cv::resize(large, image, {}, 1 / kOversampling, 1 / kOversampling, cv::INTER_AREA);
     std::vector<unsigned char> bytes;
     cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 9});
-    return bytes;
+    return {bytes.begin(), bytes.end()};
 }
 
 }  // namespace
@@ -203,11 +191,10 @@ Area rectangle(double left, double top, double right, double bottom, Colour colo
     return {{{left, top}, {right, top}, {right, bottom}, {left, bottom}}, colour, opacity};
 }
 
-Area disc(Point centre, double radius, Colour colour) {
-    constexpr int kCorners = 20;
+Area disc(Point centre, double radius, Colour colour, int corners) {
     Area area{.outline = {}, .colour = colour};
-    for (int i = 0; i < kCorners; ++i) {
-        const double angle = 2 * std::numbers::pi * i / kCorners;
+    for (int i = 0; i < corners; ++i) {
+        const double angle = 2 * std::numbers::pi * i / corners;
         area.outline.push_back({centre.x + radius * std::cos(angle), centre.y + radius * std::sin(angle)});
     }
     return area;
@@ -246,29 +233,24 @@ std::string to_svg(const Picture& picture, bool with_data) {
                        svg_points(line.points));
     }
     for (const auto& mark : picture.marks) svg += svg_element(mark, with_data);
+    constexpr std::array<std::string_view, 3> kAnchors{"start", "middle", "end"};
     for (const auto& words : picture.words) {
         fmt::format_to(
             out,
             "<text x=\"{:.1f}\" y=\"{:.1f}\" fill=\"{}\" font-size=\"{}\" text-anchor=\"{}\"{}{}>{}</text>\n",
-            words.position.x, words.position.y, to_hex(words.colour), words.size, svg_name(words.anchor),
-            words.bold ? " font-weight=\"bold\"" : "", with_data ? data_of(words.of) : "",
-            escaped(words.text));
+            words.position.x, words.position.y, to_hex(words.colour), words.size,
+            kAnchors[static_cast<std::size_t>(words.anchor)], words.bold ? " font-weight=\"bold\"" : "",
+            with_data ? data_of(words.of) : "", escaped(words.text));
     }
     return svg + "</svg>\n";
 }
 
 void write_picture(const Picture& picture, const std::filesystem::path& path) {
-    std::string bytes;
-    if (path.extension() == ".svg") {
-        bytes = to_svg(picture);
-    } else if (path.extension() == ".png") {
-        const auto png = to_png(picture);
-        bytes.assign(png.begin(), png.end());
-    } else {
+    const auto extension = path.extension();
+    if (extension != ".svg" && extension != ".png")
         throw std::invalid_argument(
             fmt::format("cannot draw {}: its name must end in .svg or .png", path.string()));
-    }
-    write_file_atomically(path, bytes);
+    write_file_atomically(path, extension == ".svg" ? to_svg(picture) : to_png(picture));
 }
 
 }  // namespace cale

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace cale {
@@ -59,7 +60,8 @@ struct Area {
 };
 
 Area rectangle(double left, double top, double right, double bottom, Colour colour, double opacity = 1);
-Area disc(Point centre, double radius, Colour colour);
+/// As a polygon with so many corners.
+Area disc(Point centre, double radius, Colour colour, int corners = 20);
 Area diamond(Point centre, double radius, Colour colour);
 
 enum class Anchor { start, middle, end };
@@ -90,6 +92,11 @@ struct Picture {
     std::vector<Area> marks{};
     std::vector<Text> words{};
     std::vector<PanelPlace> panels{};  // those of games
+
+    void write(std::string text, Point at, Colour colour, double size, Anchor anchor = Anchor::start,
+               bool bold = false, Belonging of = {}) {
+        words.push_back({std::move(text), at, colour, size, anchor, bold, of});
+    }
 };
 
 /// About how wide `text` is drawn, rather more than less: fonts differ.

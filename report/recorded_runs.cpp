@@ -13,7 +13,6 @@
 
 #include "cale/games.h"
 #include "cale/text.h"
-#include "report/csv.h"
 
 namespace cale {
 namespace {
@@ -46,19 +45,22 @@ std::vector<double> recorded_steps(const Run& run) {
     return steps;
 }
 
+/// That something is wrong with a row.
+std::runtime_error row_error(const CsvTable& table, std::size_t row, std::string_view what) {
+    return std::runtime_error(fmt::format("{}:{}: {}", table.path.string(), table.lines[row], what));
+}
+
 std::uint64_t natural(const CsvTable& table, std::size_t row, std::size_t column) {
     const auto& text = table.rows[row][column];
     if (const auto number = number_in<std::uint64_t>(text)) return *number;
-    throw std::runtime_error(fmt::format("{}:{}: the {} '{}' is no number", table.path.string(),
-                                         table.lines[row], table.columns[column], text));
+    throw row_error(table, row, fmt::format("the {} '{}' is no number", table.columns[column], text));
 }
 
 const Game& game_in(const CsvTable& table, std::size_t row, std::size_t column) {
     try {
         return find_game(table.rows[row][column]);
     } catch (const std::invalid_argument& error) {
-        throw std::runtime_error(
-            fmt::format("{}:{}: {}", table.path.string(), table.lines[row], error.what()));
+        throw row_error(table, row, error.what());
     }
 }
 
@@ -127,8 +129,7 @@ std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std
         const auto& played = game_in(table, row, game);
         const auto its_seed = natural(table, row, seed);
         if (run.game != nullptr && (run.game != &played || run.agent != cells[agent] || run.seed != its_seed))
-            throw std::runtime_error(fmt::format("{}:{}: the agent, the game and the seed of a run change",
-                                                 table.path.string(), table.lines[row]));
+            throw row_error(table, row, "the agent, the game and the seed of a run change");
         run.folder = table.path;
         run.recorded_as = cells[group];
         run.agent = cells[agent];
@@ -136,8 +137,7 @@ std::vector<Run> read_recorded_runs(const CsvTable& table, const std::vector<std
         run.seed = its_seed;
         run.total_steps = table.number(row, total);
         if (!run.steps.empty() && table.number(row, step) <= run.steps.back())
-            throw std::runtime_error(fmt::format("{}:{}: the steps of a run do not ascend",
-                                                 table.path.string(), table.lines[row]));
+            throw row_error(table, row, "the steps of a run do not ascend");
         run.steps.push_back(table.number(row, step));
         run.scores.push_back(table.score(row, score));
         for (std::size_t i = 0; i < table.columns.size(); ++i)

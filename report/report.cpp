@@ -9,8 +9,6 @@
 #include <string>
 #include <string_view>
 #include <system_error>
-#include <utility>
-#include <vector>
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -53,14 +51,6 @@ std::vector<std::string> file_names() {
     return names;
 }
 
-/// Removes the files of an earlier report that the new one, with these names, does not have: they would stand
-/// beside it as if they were its own.
-void remove_others(const fs::path& folder, const std::vector<std::string>& names) {
-    for (const auto& other : file_names())
-        if (std::ranges::find(names, other) == names.end() && !is_notes(folder / other))
-            fs::remove(folder / other);
-}
-
 /// Returns a file that a report with these names would replace or a later one remove, and that no earlier one
 /// wrote, or empty. `reported`: whether there was one.
 fs::path other_file(const fs::path& folder, const std::vector<std::string>& names, bool reported) {
@@ -68,9 +58,9 @@ fs::path other_file(const fs::path& folder, const std::vector<std::string>& name
         if (auto file = folder / name;
             fs::exists(file) && (!reported || is_notes(file) || fs::is_directory(file)))
             return file;
-    if (reported) return {};
-    for (const auto& name : file_names())
-        if (auto file = folder / name; fs::exists(file) && !is_notes(file)) return file;
+    if (!reported)
+        for (const auto& name : file_names())
+            if (auto file = folder / name; fs::exists(file) && !is_notes(file)) return file;
     return {};
 }
 
@@ -138,7 +128,11 @@ std::vector<fs::path> write_report(const Comparison& comparison, const PageOrigi
         files.push_back(folder / name);
         fs::rename(partial.path() / name, files.back());
     }
-    if (reported) remove_others(folder, names);
+    if (!reported) return files;
+    // What the earlier report had and this one has not would stand beside it as if it were its own.
+    for (const auto& other : file_names())
+        if (std::ranges::find(names, other) == names.end() && !is_notes(folder / other))
+            fs::remove(folder / other);
     return files;
 }
 

@@ -4,16 +4,12 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <numeric>
-#include <optional>
 #include <set>
 #include <stdexcept>
-#include <string_view>
 #include <system_error>
 
 #include "cale/action.h"
@@ -152,9 +148,9 @@ void read_scores(Run& run, const EpisodeHistory& episodes) {
     auto curve = mean_returns(episodes, iteration, run.reached);
     run.steps = std::move(curve.steps);
     run.scores = std::move(curve.values);
-    run.games_in_score =
-        std::ranges::count_if(episodes.steps, [&](double step) { return step > run.reached - iteration; });
-    run.games_in_score = std::max<std::int64_t>(run.games_in_score, 1);  // the newest, if none
+    const auto is_newest = [&](double step) { return step > run.reached - iteration; };
+    // The newest game, if none.
+    run.games_in_score = std::max<std::int64_t>(std::ranges::count_if(episodes.steps, is_newest), 1);
 }
 
 /// How far a run came, and the file that says so.
@@ -618,20 +614,19 @@ FoundRuns find_runs(const std::vector<fs::path>& paths, ScoreKind kind) {
         search(without_slash(path), result);
     }
     FoundRuns found{.left_out = std::move(result.left_out)};
-    std::set<fs::path> listed;
+    std::map<fs::path, bool> folders;  // as they are named -> whether a sweep lists them
+    for (const auto& [real, folder] : result.runs) folders[folder] = false;
     for (const auto& sweep : result.sweeps) {
         for (const auto& folder : listed_runs(sweep)) {
             std::error_code error;
-            const auto real = fs::canonical(folder, error);
-            if (!error && result.runs.contains(real)) {
-                listed.insert(real);
+            const auto run = result.runs.find(fs::canonical(folder, error));
+            if (!error && run != result.runs.end()) {
+                folders[run->second] = true;
             } else {
                 found.missing.push_back(folder.string());
             }
         }
     }
-    std::map<fs::path, bool> folders;  // as they are named, by name -> whether a sweep lists them
-    for (const auto& [real, folder] : result.runs) folders[folder] = listed.contains(real);
     std::vector<Run> runs;
     for (const auto& [folder, in_sweep_list] : folders) {
         try {

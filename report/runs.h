@@ -65,6 +65,7 @@ struct Run {
     std::vector<ZoneRow> zones{};                    // of its training; empty where none were recorded
 
     double score() const { return scores.back(); }
+    bool is_recorded() const { return !recorded_as.empty(); }
 };
 
 struct LeftOut {

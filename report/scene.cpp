@@ -7,8 +7,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "cale/env.h"
-
 namespace cale {
 namespace {
 
@@ -58,13 +56,10 @@ StickState commanded(const Scene& scene) {
     return {{action.radius * std::cos(action.theta), action.radius * std::sin(action.theta)}, action.fire};
 }
 
-StickState joystick_of(const Scene& scene) {
-    if (scene.stick) return {{scene.stick->x, scene.stick->y}, scene.stick->button};
-    return commanded(scene);
-}
-
 void draw_joystick(cv::Mat& image, const Scene& scene, cv::Point2d centre, double radius) {
-    const auto [stick, fire] = joystick_of(scene);
+    const auto target = commanded(scene);
+    const auto [stick, fire] =
+        scene.stick ? StickState{{scene.stick->x, scene.stick->y}, scene.stick->button} : target;
     const auto at = [&](double x, double y) { return centre + radius * cv::Point2d(x, -y); };
 
     draw_circle(image, centre, radius, kFaint, 2);
@@ -77,10 +72,7 @@ void draw_joystick(cv::Mat& image, const Scene& scene, cv::Point2d centre, doubl
             draw_line(image, at(-reach, side), at(reach, side), kFaint, 1);
         }
     }
-    if (scene.stick && scene.action) {
-        const auto target = commanded(scene).stick;
-        draw_circle(image, at(target.x, target.y), 8, kText, 2);
-    }
+    if (scene.stick && scene.action) draw_circle(image, at(target.stick.x, target.stick.y), 8, kText, 2);
     draw_line(image, centre, at(stick.x, stick.y), kStick, 3);
     draw_circle(image, at(stick.x, stick.y), 8, kStick, cv::FILLED);
 

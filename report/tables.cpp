@@ -1,18 +1,17 @@
 #include "report/tables.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <set>
 #include <utility>
 
 #include "cale/action.h"
 #include "cale/fields.h"
 #include "cale/text.h"
 #include "report/csv.h"
+#include "report/ranges.h"
 #include "report/recorded_runs.h"
 
 namespace cale {
@@ -37,19 +36,11 @@ std::string span_text(std::size_t least, std::size_t most) {
     return least == most ? fmt::format("{}", least) : fmt::format("{}-{}", least, most);
 }
 
-/// For the columns low and high; empty where there is no interval.
-std::pair<std::string, std::string> interval_cells(const Estimate& estimate, bool with_interval) {
-    if (!with_interval) return {};
-    return {fmt::format("{}", estimate.low), fmt::format("{}", estimate.high)};
-}
-
 /// Those that any group has played, in alphabetical order.
 std::vector<const Game*> played_games(const Comparison& comparison) {
     std::vector<const Game*> played;
     for (const auto& game : all_games()) {
-        const auto has_it = [&](const GroupResult& group) {
-            return find_game_in(group, game.name) != nullptr;
-        };
+        const auto has_it = [&](const GroupResult& group) { return group.find(game.name) != nullptr; };
         if (std::ranges::any_of(comparison.results, has_it)) played.push_back(&game);
     }
     return played;
@@ -69,24 +60,15 @@ std::vector<Baseline> random_and_human(const Comparison& comparison) {
     return references;
 }
 
-/// Means of equal scores may differ in their last digits.
-bool same_score(double a, double b) {
-    return std::abs(a - b) <= 1e-9 * std::max(std::abs(a), std::abs(b));
-}
-
 /// The results with the highest mean; none where all groups have the same.
 std::vector<const GameResult*> best_of(const Comparison& comparison, const Game& game) {
     std::vector<const GameResult*> results;
     for (const auto& group : comparison.results)
-        if (const auto* result = find_game_in(group, game.name)) results.push_back(result);
+        if (const auto* result = group.find(game.name)) results.push_back(result);
     double best = -HUGE_VAL;
     for (const auto* result : results) best = std::max(best, result->mean.value);
-    const auto lower = [&](const GameResult* result) { return !same_score(result->mean.value, best); };
+    const auto lower = [&](const GameResult* result) { return !nearly_equal(result->mean.value, best); };
     return std::erase_if(results, lower) > 0 ? results : std::vector<const GameResult*>();
-}
-
-std::string joined(const std::set<std::string>& texts) {
-    return fmt::format("{}", fmt::join(texts, " / "));
 }
 
 /// "1-5, 8"
@@ -98,7 +80,7 @@ std::string seeds_text(const std::set<std::uint64_t>& seeds) {
         spans.push_back(first == last ? fmt::format("{}", *first) : fmt::format("{}-{}", *first, *last));
         first = next;
     }
-    return fmt::format("{}", fmt::join(spans, ", "));
+    return joined(spans, ", ");
 }
 
 /// Agents follow either with lengths of games of their own, which the settings tell.
@@ -125,7 +107,7 @@ std::string action_space_text(const EnvConfig& env) {
 
 Table settings_by_group(const Comparison& comparison, const std::vector<SettingRow>& settings) {
     Table table{.header = {"setting"}};
-    for (const auto& group : comparison.groups) table.header.push_back(group.label);
+    std::ranges::copy(labels_of(comparison), std::back_inserter(table.header));
     for (const auto& [key, values] : settings) {
         auto& row = table.rows.emplace_back(1, key);
         row.insert(row.end(), values.begin(), values.end());
@@ -174,6 +156,25 @@ std::string markdown_text(std::string_view text) {
     return markdown;
 }
 
+/// The header and the rows without mark-up of their own, bold cells between two marks.
+std::vector<std::vector<std::string>> marked_up(const Table& table, std::string (*escape)(std::string_view),
+                                                std::string_view begin, std::string_view end) {
+    const auto plain = [&](const std::string& cell) { return escape(printable(cell)); };
+    std::vector<std::vector<std::string>> rows{mapped(table.header, plain)};
+    for (std::size_t i = 0; i < table.rows.size(); ++i) {
+        auto& row = rows.emplace_back(mapped(table.rows[i], plain));
+        for (std::size_t column = 0; column < row.size(); ++column)
+            if (table.is_bold(i, column)) row[column] = fmt::format("{}{}{}", begin, row[column], end);
+    }
+    return rows;
+}
+
+/// An estimate for three columns; those of its interval are empty where there is none.
+struct EstimateCells {
+    const Estimate& estimate;
+    bool with_interval;
+};
+
 /// Collects the rows of a CSV file.
 class CsvWriter {
   public:
@@ -182,7 +183,9 @@ class CsvWriter {
 
     template <class... Cells>
     void row(const Cells&... cells) {
-        file_.text += csv_line({fmt::format("{}", cells)...});
+        std::vector<std::string> texts;
+        (add(texts, cells), ...);
+        file_.text += csv_line(texts);
         ++rows_;
     }
     void add_to(std::vector<TextFile>& files) {
@@ -190,6 +193,16 @@ class CsvWriter {
     }
 
   private:
+    template <class Cell>
+    static void add(std::vector<std::string>& row, const Cell& cell) {
+        row.push_back(fmt::format("{}", cell));
+    }
+    static void add(std::vector<std::string>& row, const EstimateCells& cells) {
+        const auto& [value, low, high] = cells.estimate;
+        add(row, value);
+        for (const double end : {low, high}) row.push_back(cells.with_interval ? fmt::format("{}", end) : "");
+    }
+
     TextFile file_;
     std::size_t rows_ = 0;
 };
@@ -222,38 +235,26 @@ void add_aggregates(const Comparison& comparison, std::vector<TextFile>& files) 
     CsvWriter curves("sample_efficiency.csv", {"group", "step", "metric", "value", "low", "high"});
     CsvWriter profiles("performance_profiles.csv", {"group", "tau", "fraction", "low", "high"});
     for (const auto& group : comparison.results) {
-        for (std::size_t m = 0; m < kMetricCount; ++m) {
-            const auto& estimate = group.aggregates[m];
-            const auto [low, high] = interval_cells(estimate, group.has_interval());
-            aggregates.row(group.label, names[m], estimate.value, low, high, comparison.games.size(),
-                           span_text(group.least_runs, group.most_runs));
-        }
-        for (std::size_t i = 0; i < group.curve.size(); ++i) {
-            for (std::size_t m = 0; m < kMetricCount; ++m) {
-                const auto& estimate = group.curve[i][m];
-                const auto [low, high] = interval_cells(estimate, group.has_interval());
-                curves.row(group.label, group.curve_steps[i], names[m], estimate.value, low, high);
-            }
-        }
-        for (std::size_t i = 0; i < group.profile.size(); ++i) {
-            const auto& estimate = group.profile[i];
-            const auto [low, high] = interval_cells(estimate, group.has_interval());
-            profiles.row(group.label, comparison.thresholds[i], estimate.value, low, high);
-        }
+        const bool with_interval = group.has_interval();
+        for (std::size_t m = 0; m < kMetricCount; ++m)
+            aggregates.row(group.label, names[m], EstimateCells{group.aggregates[m], with_interval},
+                           comparison.games.size(), span_text(group.least_runs, group.most_runs));
+        for (std::size_t i = 0; i < group.curve.size(); ++i)
+            for (std::size_t m = 0; m < kMetricCount; ++m)
+                curves.row(group.label, group.curve_steps[i], names[m],
+                           EstimateCells{group.curve[i][m], with_interval});
+        for (std::size_t i = 0; i < group.profile.size(); ++i)
+            profiles.row(group.label, comparison.thresholds[i],
+                         EstimateCells{group.profile[i], with_interval});
     }
     for (const auto& [baseline, values] : comparison.baselines)
         for (std::size_t m = 0; m < kMetricCount; ++m)
             aggregates.row(baseline.name, names[m], values[m].value, "", "", comparison.games.size(), "");
     CsvWriter improvements("probability_of_improvement.csv", {"x", "y", "probability", "low", "high"});
-    for (const auto& pair : comparison.improvements) {
-        const auto [low, high] = interval_cells(pair.probability, pair.has_interval);
+    for (const auto& pair : comparison.improvements)
         improvements.row(comparison.results[pair.x].label, comparison.results[pair.y].label,
-                         pair.probability.value, low, high);
-    }
-    aggregates.add_to(files);
-    profiles.add_to(files);
-    improvements.add_to(files);
-    curves.add_to(files);
+                         EstimateCells{pair.probability, pair.has_interval});
+    for (auto* csv : {&aggregates, &profiles, &improvements, &curves}) csv->add_to(files);
 }
 
 void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
@@ -265,14 +266,11 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
     for (const auto& group : comparison.results) {
         for (const auto& game : group.games) {
             const auto name = game.game->name;
-            const bool with_interval = game.runs.size() > 1;
-            const auto [lowest, highest] = interval_cells(game.mean, with_interval);
-            scores.row(group.label, name, game.runs.size(), game.mean.value, lowest, highest);
-            for (std::size_t i = 0; i < game.curve.steps.size(); ++i) {
-                const auto& estimate = game.curve.values[i];
-                const auto [low, high] = interval_cells(estimate, with_interval);
-                curves.row(group.label, name, game.curve.steps[i], estimate.value, low, high);
-            }
+            const bool with_interval = game.has_interval();
+            scores.row(group.label, name, game.runs.size(), EstimateCells{game.mean, with_interval});
+            for (std::size_t i = 0; i < game.curve.steps.size(); ++i)
+                curves.row(group.label, name, game.curve.steps[i],
+                           EstimateCells{game.curve.values[i], with_interval});
             for (std::size_t i = 0; i < game.event_shares.size(); ++i)
                 events.row(group.label, name, event_name(static_cast<Event>(i)), game.event_shares[i]);
             for (const auto& [step, shares] : game.zones)
@@ -287,19 +285,13 @@ void add_games(const Comparison& comparison, std::vector<TextFile>& files) {
             for (const auto* game : played_games(comparison))
                 if (const auto score = of_games.find(game->name); score != of_games.end())
                     scores.row(name, game->name, "", score->second, "", "");
-    scores.add_to(files);
-    curves.add_to(files);
-    events.add_to(files);
-    zones.add_to(files);
-    rewards.add_to(files);
+    for (auto* csv : {&scores, &curves, &events, &zones, &rewards}) csv->add_to(files);
 }
 
 }  // namespace
 
 std::vector<Baseline> published(const Comparison& comparison) {
-    std::vector<Baseline> references;
-    for (const auto& result : comparison.baselines) references.push_back(result.baseline);
-    return references;
+    return mapped(comparison.baselines, &BaselineResult::baseline);
 }
 
 Table aggregate_table(const Comparison& comparison) {
@@ -333,25 +325,25 @@ Table improvement_table(const Comparison& comparison) {
 Table game_table(const Comparison& comparison) {
     const auto before = random_and_human(comparison), after = published(comparison);
     Table table{.header = {"game"}};
-    for (const auto& reference : before) table.header.push_back(reference.name);
-    for (const auto& group : comparison.results) table.header.push_back(group.label);
-    for (const auto& reference : after) table.header.push_back(reference.name);
+    for (const auto& names :
+         {mapped(before, &Baseline::name), labels_of(comparison), mapped(after, &Baseline::name)})
+        table.header.insert(table.header.end(), names.begin(), names.end());
     for (const auto* game : played_games(comparison)) {
         std::vector<std::string> row{std::string(game->name)};
         std::vector<bool> bold(table.header.size(), false);
         const auto add = [&](const std::vector<Baseline>& references) {
-            for (const auto& reference : references) {
-                const auto score = reference.scores.find(game->name);
-                row.push_back(score == reference.scores.end() ? "" : score_text(score->second));
+            for (const auto& [name, scores] : references) {
+                const auto score = scores.find(game->name);
+                row.push_back(score == scores.end() ? "" : score_text(score->second));
             }
         };
         add(before);
         const auto best = best_of(comparison, *game);
         for (const auto& group : comparison.results) {
-            const auto* result = find_game_in(group, game->name);
+            const auto* result = group.find(game->name);
             bold[row.size()] = std::ranges::find(best, result) != best.end();
             row.push_back(
-                result == nullptr ? "" : estimate_text(result->mean, result->runs.size() > 1, score_text));
+                result == nullptr ? "" : estimate_text(result->mean, result->has_interval(), score_text));
         }
         add(after);
         table.best.push_back(std::move(bold));
@@ -375,9 +367,9 @@ Table setup_table(const Comparison& comparison) {
             protocols.insert(run.env ? protocol_text(*run.env) : "unknown");
             actions.insert(run.env ? action_space_text(*run.env) : "unknown");
         }
-        table.rows.push_back({group.label, joined(agents), joined(protocols), joined(actions), joined(steps),
-                              fmt::format("{}", games.size()), seeds_text(seeds),
-                              fmt::format("{}", group.runs.size())});
+        table.rows.push_back({group.label, joined(agents, " / "), joined(protocols, " / "),
+                              joined(actions, " / "), joined(steps, " / "), fmt::format("{}", games.size()),
+                              seeds_text(seeds), fmt::format("{}", group.runs.size())});
     }
     return table;
 }
@@ -393,43 +385,41 @@ Table shared_setting_table(const Comparison& comparison) {
     return table;
 }
 
-std::string runs_text(std::size_t least, std::size_t most) {
+std::string runs_text(const std::set<std::size_t>& counts) {
+    if (counts.empty()) return "no runs";
+    const auto least = *counts.begin(), most = *counts.rbegin();
     return fmt::format("{} run{} per game", span_text(least, most), most == 1 ? "" : "s");
 }
 
 std::string runs_text(const Comparison& comparison) {
-    std::size_t least = comparison.results.front().least_runs, most = 0;
-    for (const auto& result : comparison.results) {
-        least = std::min(least, result.least_runs);
-        most = std::max(most, result.most_runs);
-    }
-    return runs_text(least, most);
+    std::set<std::size_t> counts;
+    for (const auto& result : comparison.results) counts.insert({result.least_runs, result.most_runs});
+    return runs_text(counts);
 }
 
 std::string runs_text_of_all_games(const Comparison& comparison) {
     std::set<std::size_t> counts;
     for (const auto& group : comparison.results)
         for (const auto& game : group.games) counts.insert(game.runs.size());
-    return runs_text(*counts.begin(), *counts.rbegin());
+    return runs_text(counts);
 }
 
 std::string to_text(const Table& table) {
+    auto rows = table.rows;
+    rows.insert(rows.begin(), table.header);
     std::vector<std::size_t> widths(table.header.size(), 0);
-    const auto measure = [&](const std::vector<std::string>& row) {
-        for (std::size_t i = 0; i < row.size(); ++i)
-            widths[i] = std::max(widths[i], printable(row[i]).size());
-    };
-    measure(table.header);
-    for (const auto& row : table.rows) measure(row);
+    for (auto& row : rows) {
+        for (std::size_t i = 0; i < row.size(); ++i) {
+            row[i] = printable(row[i]);
+            widths[i] = std::max(widths[i], row[i].size());
+        }
+    }
     std::string text;
-    const auto write = [&](const std::vector<std::string>& row) {
+    for (const auto& row : rows) {
         std::string line;
-        for (std::size_t i = 0; i < row.size(); ++i)
-            line += fmt::format("{:<{}}  ", printable(row[i]), widths[i]);
+        for (std::size_t i = 0; i < row.size(); ++i) line += fmt::format("{:<{}}  ", row[i], widths[i]);
         text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
-    };
-    write(table.header);
-    for (const auto& row : table.rows) write(row);
+    }
     return text;
 }
 
@@ -437,37 +427,19 @@ std::string to_latex(const Table& table) {
     const auto values = table.header.size() - table.name_columns;
     std::string latex = fmt::format("% \\usepackage{{booktabs}}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n",
                                     std::string(table.name_columns, 'l'), std::string(values, 'r'));
-    const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
-        for (std::size_t column = 0; column < row.size(); ++column) {
-            const auto cell = latex_text(printable(row[column]));
-            latex += column == 0 ? "" : " & ";
-            latex += is_bold(column) ? fmt::format("\\textbf{{{}}}", cell) : cell;
-        }
-        latex += " \\\\\n";
-    };
-    write(table.header, [](std::size_t) { return false; });
-    latex += "\\midrule\n";
-    for (std::size_t i = 0; i < table.rows.size(); ++i)
-        write(table.rows[i], [&](std::size_t column) { return table.is_bold(i, column); });
+    for (const auto& row : marked_up(table, latex_text, "\\textbf{", "}"))
+        latex += joined(row, " & ") + (latex.ends_with("\\toprule\n") ? " \\\\\n\\midrule\n" : " \\\\\n");
     return latex + "\\bottomrule\n\\end{tabular}\n";
 }
 
 std::string to_markdown(const Table& table) {
-    std::string text;
-    const auto write = [&](const std::vector<std::string>& row, auto&& is_bold) {
-        for (std::size_t column = 0; column < row.size(); ++column) {
-            const auto cell = markdown_text(printable(row[column]));
-            text += is_bold(column) ? fmt::format("| **{}** ", cell) : fmt::format("| {} ", cell);
-        }
-        text += "|\n";
-    };
-    write(table.header, [](std::size_t) { return false; });
+    std::vector<std::string> lines;
+    for (const auto& row : marked_up(table, markdown_text, "**", "**"))
+        lines.push_back("| " + joined(row, " | ") + " |\n");
     for (std::size_t column = 0; column < table.header.size(); ++column)
-        text += column < table.name_columns ? "|---" : "|---:";
-    text += "|\n";
-    for (std::size_t i = 0; i < table.rows.size(); ++i)
-        write(table.rows[i], [&](std::size_t column) { return table.is_bold(i, column); });
-    return text;
+        lines.front() += column < table.name_columns ? "|---" : "|---:";
+    lines.front() += "|\n";
+    return joined(lines, "");
 }
 
 std::vector<TextFile> csv_files(const Comparison& comparison) {

@@ -1,6 +1,7 @@
 // The tables of a report: for readers, and as CSV for other programs.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,8 +36,9 @@ Table setting_table(const Comparison& comparison);
 /// A row per setting that all groups share, and its value.
 Table shared_setting_table(const Comparison& comparison);
 
-/// "5 runs per game", "2-5 runs per game"
-std::string runs_text(std::size_t least, std::size_t most);
+/// "5 runs per game", "2-5 runs per game", of the numbers of runs in the games.
+std::string runs_text(const std::set<std::size_t>& counts);
+/// The same of the games that are compared.
 std::string runs_text(const Comparison& comparison);
 /// The same of all games, also those that are not compared.
 std::string runs_text_of_all_games(const Comparison& comparison);

@@ -12,10 +12,10 @@
 #include <string>
 #include <system_error>
 #include <utility>
-#include <vector>
+
+#include "storage/descriptor.h"
 
 namespace cale {
-
 namespace {
 
 std::error_code newest_error() {
@@ -33,19 +33,15 @@ std::error_code reason_against_writing(const std::filesystem::path& path) {
     constexpr std::size_t kBlock = 65'536;  // more than a film's header
     std::error_code ignored;
     const bool is_new = !std::filesystem::exists(path, ignored);
-    const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (file < 0) return newest_error();
-    const ::off_t size = ::lseek(file, 0, SEEK_END);
-    const std::vector<char> zeros(kBlock);
+    Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+    if (!file.is_open()) return newest_error();
+    const ::off_t size = ::lseek(file.get(), 0, SEEK_END);
     std::error_code reason;
-    for (std::size_t done = 0; done < kBlock && !reason;) {
-        const ssize_t written = ::write(file, zeros.data() + done, kBlock - done);
-        if (written < 0 && errno != EINTR) reason = newest_error();
-        if (written > 0) done += static_cast<std::size_t>(written);
-    }
+    const std::string zeros(kBlock, '\0');
+    if (!write_all(file, zeros)) reason = newest_error();
     // Some file systems find out at the end.
-    if (::ftruncate(file, size) != 0 && !reason) reason = newest_error();
-    if (::close(file) != 0 && !reason) reason = newest_error();
+    if (::ftruncate(file.get(), size) != 0 && !reason) reason = newest_error();
+    if (file.close() != 0 && !reason) reason = newest_error();
     if (reason && is_new) std::filesystem::remove(path, ignored);
     return reason;
 }
