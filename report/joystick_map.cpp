@@ -61,18 +61,18 @@ Event with_fire(Event event) {
     return event_of(static_cast<int>(direction.x), static_cast<int>(direction.y), true);
 }
 
+Colour region_colour(Point direction) {
+    if (direction.x == 0 && direction.y == 0) return series_colour(6);
+    return series_colour(direction.x != 0 && direction.y != 0 ? 2 : 0);
+}
+
 void draw_disc(Picture& picture, Point centre, double radius, bool fire, double threshold,
                const std::vector<double>& shares) {
     const auto to_picture = [&](Point p) { return Point{centre.x + radius * p.x, centre.y - radius * p.y}; };
     for (const auto& region : joystick_regions(threshold)) {
         auto outline = mapped(region.outline, to_picture);
         const auto direction = direction_of(region.event);
-        const int axes = (direction.x != 0) + (direction.y != 0);
-        picture.areas.push_back({outline,
-                                 series_colour(axes == 0   ? 6
-                                               : axes == 1 ? 0
-                                                           : 2),
-                                 fire ? 0.5 : 0.25});
+        picture.areas.push_back({outline, region_colour(direction), fire ? 0.5 : 0.25});
         outline.push_back(outline.front());
         picture.lines.push_back({outline, kInk, 1.2});
 

@@ -427,19 +427,25 @@ std::string to_latex(const Table& table) {
     const auto values = table.header.size() - table.name_columns;
     std::string latex = fmt::format("% \\usepackage{{booktabs}}\n\\begin{{tabular}}{{{}{}}}\n\\toprule\n",
                                     std::string(table.name_columns, 'l'), std::string(values, 'r'));
-    for (const auto& row : marked_up(table, latex_text, "\\textbf{", "}"))
-        latex += joined(row, " & ") + (latex.ends_with("\\toprule\n") ? " \\\\\n\\midrule\n" : " \\\\\n");
+    const auto rows = marked_up(table, latex_text, "\\textbf{", "}");
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        latex += joined(rows[i], " & ") + " \\\\\n";
+        if (i == 0) latex += "\\midrule\n";
+    }
     return latex + "\\bottomrule\n\\end{tabular}\n";
 }
 
 std::string to_markdown(const Table& table) {
-    std::vector<std::string> lines;
-    for (const auto& row : marked_up(table, markdown_text, "**", "**"))
-        lines.push_back("| " + joined(row, " | ") + " |\n");
+    std::string below_header;
     for (std::size_t column = 0; column < table.header.size(); ++column)
-        lines.front() += column < table.name_columns ? "|---" : "|---:";
-    lines.front() += "|\n";
-    return joined(lines, "");
+        below_header += column < table.name_columns ? "|---" : "|---:";
+    std::string text;
+    const auto rows = marked_up(table, markdown_text, "**", "**");
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        text += "| " + joined(rows[i], " | ") + " |\n";
+        if (i == 0) text += below_header + "|\n";
+    }
+    return text;
 }
 
 std::vector<TextFile> csv_files(const Comparison& comparison) {
