@@ -13,6 +13,7 @@
 #include "cale/setting.h"
 #include "cale/text.h"
 #include "settings/agent_of_config.h"
+#include "settings/peer_names.h"
 #include "settings/versions.h"
 #include "storage/metadata_text.h"
 #include "terminal/columns.h"
@@ -87,8 +88,11 @@ std::string unknown_option(std::string_view argument, const ConfigTable& table) 
     const auto name = argument.substr(0, argument.find('='));
     std::string word(name.substr(std::min(name.size(), name.find_first_not_of('-'))));
     std::ranges::replace(word, '-', '_');
+    std::vector<std::string> keys(table.entries().size());
+    std::ranges::transform(table.entries(), keys.begin(), &ConfigEntry::key);
+    const auto peer = key_of_peer(word, keys);
     for (const auto& entry : table.entries()) {
-        if (word == entry.key || entry.key.ends_with("." + word))
+        if (word == entry.key || peer == entry.key || entry.key.ends_with("." + word))
             return fmt::format("unknown option '{}'; settings are given as KEY=VALUE: {}={}", name, entry.key,
                                entry.get());
     }

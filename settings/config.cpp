@@ -10,6 +10,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "cale/text.h"
+#include "settings/peer_names.h"
 #include "settings/yaml.h"
 
 namespace cale {
@@ -63,6 +64,7 @@ std::string longer_key(std::string_view key, const std::vector<std::string>& key
 std::string meant_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
     std::vector<std::string> keys(entries.size());
     std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
+    if (auto ours = key_of_peer(name_of(key), keys); !ours.empty()) return ours;
     if (auto longer = longer_key(key, keys); !longer.empty()) return longer;
     if (auto near = nearest(key, keys); !near.empty()) return near;
     // The right name in the wrong section, or without one.

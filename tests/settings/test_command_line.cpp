@@ -192,6 +192,11 @@ TEST_F(CommandLineTest, MistakesAreOneSentence) {
     EXPECT_EQ(error({"--num-envs", "0"}), "--num-envs 0: env.num_envs must be 1 to 1024, not '0'");
     EXPECT_EQ(error({"env.gaem=pong"}),
               "--set env.gaem=pong: unknown key 'env.gaem'; did you mean 'env.game'?");
+    EXPECT_EQ(error({"env.sticky_actions=0"}),
+              "--set env.sticky_actions=0: unknown key 'env.sticky_actions'; did you mean "
+              "'env.sticky_probability'?");
+    EXPECT_THAT(error({"--repeat-action-probability=0"}),
+                HasSubstr("settings are given as KEY=VALUE: env.sticky_probability="));
     EXPECT_EQ(error({"--config", (folder_ / "no.yaml").string()}),
               "cannot read '" + (folder_ / "no.yaml").string() + "': No such file or directory");
 }
