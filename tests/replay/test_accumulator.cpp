@@ -1,5 +1,5 @@
-// The corrected rule on cases worked by hand: gamma 0.5, stacks of 3, rewards that are
-// powers of two, so that every figure is exact.
+// The corrected rule, and at the end Dopamine's, on cases worked by hand: gamma 0.5, stacks of 3, rewards
+// that are powers of two, so that every figure is exact.
 #include <gtest/gtest.h>
 
 #include "numbered_frames.h"
@@ -120,6 +120,23 @@ TEST(Accumulation, ATruncationNeedsItsFinalFrame) {
     add(replay, {.frame = 1});  // the refused step has left nothing behind
     add(replay, {.frame = 2});
     EXPECT_EQ(read_all(replay), (Transitions{{{0, 0, 1}, 0, 0, 0.5, {0, 1, 2}}}));
+}
+
+/// The returns of the transitions that end the episode, of eight steps with a stack of 4 and rewards 1, 10,
+/// ..., 10^7.
+TEST(Accumulation, DopaminesThreeStepReturnsAtATerminal) {
+    ReplayConfig config = numbered_config();
+    config.observation.stack = 4;
+    config.update_horizon = 3;
+    config.replay_terminal = ReplayTerminal::dopamine;
+    ReplayBuffer replay(config);
+    float reward = 1;
+    for (std::uint32_t t = 1; t <= 8; ++t, reward *= 10)
+        add(replay, {.frame = t, .reward = reward, .terminal = t == 8, .action = t});
+    std::vector<float> returns;
+    for (const auto& transition : read_all(replay))
+        if (transition.discount == 0) returns.push_back(transition.n_step_return);
+    EXPECT_EQ(returns, (std::vector<float>{310'000, 310'000, 310'000, 310'000, 3'100'000, 6'000'000}));
 }
 
 }  // namespace
