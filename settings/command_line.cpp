@@ -88,9 +88,7 @@ std::string unknown_option(std::string_view argument, const ConfigTable& table) 
     const auto name = argument.substr(0, argument.find('='));
     std::string word(name.substr(std::min(name.size(), name.find_first_not_of('-'))));
     std::ranges::replace(word, '-', '_');
-    std::vector<std::string> keys(table.entries().size());
-    std::ranges::transform(table.entries(), keys.begin(), &ConfigEntry::key);
-    const auto peer = key_of_peer(word, keys);
+    const auto peer = key_of_peer(word, table.entries());
     for (const auto& entry : table.entries()) {
         if (word == entry.key || peer == entry.key || entry.key.ends_with("." + word))
             return fmt::format("unknown option '{}'; settings are given as KEY=VALUE: {}={}", name, entry.key,

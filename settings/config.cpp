@@ -62,9 +62,9 @@ std::string longer_key(std::string_view key, const std::vector<std::string>& key
 
 /// The key that was meant; empty if none resembles it.
 std::string meant_key(std::string_view key, const std::vector<ConfigEntry>& entries) {
+    if (auto ours = key_of_peer(name_of(key), entries); !ours.empty()) return ours;
     std::vector<std::string> keys(entries.size());
     std::ranges::transform(entries, keys.begin(), &ConfigEntry::key);
-    if (auto ours = key_of_peer(name_of(key), keys); !ours.empty()) return ours;
     if (auto longer = longer_key(key, keys); !longer.empty()) return longer;
     if (auto near = nearest(key, keys); !near.empty()) return near;
     // The right name in the wrong section, or without one.

@@ -65,9 +65,10 @@ std::span<const PeerName> peer_names() {
     return kNames;
 }
 
-std::string key_of_peer(std::string_view name, std::span<const std::string> keys) {
+std::string key_of_peer(std::string_view name, std::span<const ConfigEntry> entries) {
     for (const auto& [theirs, key] : peer_names())
-        if (theirs == name && std::ranges::find(keys, key) != keys.end()) return std::string(key);
+        if (theirs == name && std::ranges::find(entries, key, &ConfigEntry::key) != entries.end())
+            return std::string(key);
     return "";
 }
 

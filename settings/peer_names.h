@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "settings/config.h"
+
 namespace cale {
 
 struct PeerName {
@@ -16,7 +18,7 @@ struct PeerName {
 /// them in the order in which they are suggested.
 std::span<const PeerName> peer_names();
 
-/// The first of the keys that a peer calls `name`; empty if none does.
-std::string key_of_peer(std::string_view name, std::span<const std::string> keys);
+/// The first of the entries' keys that a peer calls `name`; empty if none does.
+std::string key_of_peer(std::string_view name, std::span<const ConfigEntry> entries);
 
 }  // namespace cale

@@ -14,6 +14,12 @@
 namespace cale {
 namespace {
 
+std::vector<ConfigEntry> entries_with(const std::vector<std::string>& keys) {
+    std::vector<ConfigEntry> entries(keys.size());
+    for (std::size_t i = 0; i < keys.size(); ++i) entries[i].key = keys[i];
+    return entries;
+}
+
 template <class Agent>
 void add_keys(std::vector<std::string>& keys) {
     RunConfig<Agent> config;
@@ -31,8 +37,8 @@ TEST(PeerNames, EveryKeyIsOneOfOurs) {
 }
 
 TEST(PeerNames, TheFirstKeyThatTheProgramHas) {
-    const std::vector<std::string> sac{"agent.initial_alpha", "agent.replay_capacity"};
-    const std::vector<std::string> ppo{"agent.initial_alpha", "agent.entropy_coefficient"};
+    const auto sac = entries_with({"agent.initial_alpha", "agent.replay_capacity"});
+    const auto ppo = entries_with({"agent.initial_alpha", "agent.entropy_coefficient"});
     EXPECT_EQ(key_of_peer("ent_coef", sac), "agent.initial_alpha");
     EXPECT_EQ(key_of_peer("ent_coef", ppo), "agent.entropy_coefficient");
     EXPECT_EQ(key_of_peer("buffer_size", sac), "agent.replay_capacity");
