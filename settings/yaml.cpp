@@ -38,6 +38,19 @@ std::string listed(std::vector<std::string> names) {
                        all > kMost ? fmt::format(", ... ({} in all)", all) : "");
 }
 
+/// `file`, such as configs/sac/200m.yaml, among what came with the program: in its source tree, or in
+/// share/cale. Empty if it is not there.
+std::string shipped(const fs::path& file) {
+    std::error_code ignored;
+    const auto program = fs::read_symlink("/proc/self/exe", ignored);
+    if (file.is_absolute() || !file.has_parent_path()) return "";
+    for (auto folder = program.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
+        for (const auto& found : {folder / file, folder / "share/cale" / file})
+            if (fs::is_regular_file(found, ignored)) return found.string();
+    }
+    return "";
+}
+
 /// The operating system's reason and the remedy: "No such file or directory; did you mean
 /// 'configs/sac/200m.yaml'?", or what there is in the folder.
 std::string unreadable(const fs::path& file, const std::error_code& reason) {
@@ -49,11 +62,14 @@ std::string unreadable(const fs::path& file, const std::error_code& reason) {
     const auto folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
     auto names = configurations_in(folder);
     std::erase(names, file.filename().string());
-    const auto guess = reason == std::errc::no_such_file_or_directory
-                           ? nearest(file.filename().string(), names)
-                           : std::string();
+    std::string guess;
+    if (reason == std::errc::no_such_file_or_directory) {
+        guess = shipped(file);
+        if (const auto close = nearest(file.filename().string(), names); guess.empty() && !close.empty())
+            guess = (file.parent_path() / close).string();
+    }
     if (!guess.empty()) {
-        text += fmt::format("; did you mean '{}'?", (file.parent_path() / guess).string());
+        text += fmt::format("; did you mean '{}'?", guess);
     } else if (!names.empty()) {
         text += fmt::format("; '{}' has {}", folder.string(), listed(names));
     }

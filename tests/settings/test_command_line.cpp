@@ -11,6 +11,7 @@
 #include "cale/env.h"
 #include "cale/games.h"
 #include "support/temporary_folder.h"
+#include "support/working_folder.h"
 
 namespace cale {
 namespace {
@@ -199,6 +200,15 @@ TEST_F(CommandLineTest, MistakesAreOneSentence) {
                 HasSubstr("settings are given as KEY=VALUE: env.sticky_probability="));
     EXPECT_EQ(error({"--config", (folder_ / "no.yaml").string()}),
               "cannot read '" + (folder_ / "no.yaml").string() + "': No such file or directory");
+}
+
+TEST_F(CommandLineTest, PresetsOfTheProgramAreNamedInOtherFolders) {
+    const test::WorkingFolder elsewhere(folder_.path());
+    EXPECT_EQ(error({"--config", "configs/sac/atari100k.yaml"}),
+              "cannot read 'configs/sac/atari100k.yaml': No such file or directory; did you mean "
+              "'" CALE_SOURCE_DIR "/configs/sac/atari100k.yaml'?");
+    EXPECT_EQ(error({"--config", "atari100k.yaml"}),
+              "cannot read 'atari100k.yaml': No such file or directory");
 }
 
 TEST_F(CommandLineTest, Devices) {
