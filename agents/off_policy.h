@@ -11,7 +11,6 @@
 #include <random>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <ATen/core/Generator.h>
 #include <c10/core/Event.h>

@@ -70,11 +70,7 @@ void OnPolicyState::anneal(std::int64_t gradient_step) {
 void OnPolicyState::step(torch::Tensor& loss, const ProcessGroup* processes) {
     adam.zero_grad();
     loss.backward();
-    if (processes != nullptr) {
-        std::vector<torch::Tensor> gradients;
-        for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
-        processes->sum(gradients);
-    }
+    if (processes != nullptr) processes->sum(gradients_of(parameters));
     clip_gradient_norm(parameters, max_gradient_norm);
     adam.step();
     loss = loss.detach();

@@ -1,7 +1,6 @@
 #include "agents/sacd.h"
 
 #include <cmath>
-#include <string>
 
 #include <torch/types.h>
 #include <torch/utils.h>

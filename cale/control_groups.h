@@ -7,6 +7,7 @@
 
 namespace cale {
 
+/// A control group of Linux, as containers have.
 struct ControlGroup {
     std::filesystem::path folder;  // of its files, which need not be there
     bool version_2 = true;

@@ -26,8 +26,6 @@
 
 namespace cale {
 
-inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
-
 /// The kind of actions: the joystick (r, theta, fire), or an index into the game's minimal or the full set of
 /// events.
 enum class ActionSet { continuous, minimal, full };

@@ -15,6 +15,7 @@ namespace cale {
 inline constexpr int kFrameHeight = 84;  // rows of what an agent sees
 inline constexpr int kFrameWidth = 84;   // columns
 inline constexpr std::size_t kFrameSize = std::size_t{kFrameHeight} * kFrameWidth;  // bytes
+inline constexpr std::size_t kRamSize = 128;  // bytes of the console's memory
 /// Every Atari 2600 screen has 160 columns; the number of rows depends on the game.
 inline constexpr int kScreenWidth = 160;
 
@@ -38,7 +39,7 @@ class FramePipeline {
     /// Must be called with the first screen of a game, which is pooled with black. Throws, as the functions
     /// below do, std::invalid_argument for another size.
     void start(std::span<const std::uint8_t> screen);
-    /// The last screen but one of a step, and the last.
+    /// The last screen but one of a step; the last, where it shows only one.
     void set_first(std::span<const std::uint8_t> screen) { set(0, screen); }
     /// The last screen of a step, where it shows more than one.
     void set_second(std::span<const std::uint8_t> screen) { set(1, screen); }

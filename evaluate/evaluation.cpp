@@ -9,6 +9,7 @@
 
 #include <ATen/Parallel.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <torch/types.h>
 
 #include "cale/games.h"
@@ -67,20 +68,6 @@ class GameInPlay {
   public:
     GameInPlay(const EvaluationPlan& plan, std::int64_t number)
         : GameInPlay(plan, config_of(plan.env, number), number) {}
-    /// `config`: of the plan's games the one that this number plays.
-    GameInPlay(const EvaluationPlan& plan, const EnvConfig& config, std::int64_t number)
-        : number_(number),
-          epsilon_(plan.epsilon),
-          threshold_(config.threshold),
-          joystick_(coordinates(config)),
-          env_(config, derive_seed(plan.seed, "evaluation", number)),
-          noise_(derive_seed(plan.seed, "evaluation noise", number)),
-          frame_(static_cast<std::size_t>(observation_space(config).frame_size())) {
-        if (number == plan.filmed_game && !plan.video.empty())
-            film_.emplace(plan.video, config, plan.film_minutes);
-        if (games_of(plan.env.game).size() > 1) result_.game = only_game(config).name;
-        if (!plan.step_logs.empty()) log_.emplace(step_log_file(plan, number));
-    }
 
     std::int64_t number() const { return number_; }
     bool over() const { return over_; }
@@ -129,6 +116,21 @@ class GameInPlay {
     }
 
   private:
+    /// `config`: of the plan's games the one that this number plays.
+    GameInPlay(const EvaluationPlan& plan, const EnvConfig& config, std::int64_t number)
+        : number_(number),
+          epsilon_(plan.epsilon),
+          threshold_(config.threshold),
+          joystick_(coordinates(config)),
+          env_(config, derive_seed(plan.seed, "evaluation", number)),
+          noise_(derive_seed(plan.seed, "evaluation noise", number)),
+          frame_(static_cast<std::size_t>(observation_space(config).frame_size())) {
+        if (number == plan.filmed_game && !plan.video.empty())
+            film_.emplace(plan.video, config, plan.film_minutes);
+        if (games_of(plan.env.game).size() > 1) result_.game = only_game(config).name;
+        if (!plan.step_logs.empty()) log_.emplace(step_log_file(plan, number));
+    }
+
     static std::optional<double> value_of(const Chosen& chosen, std::int64_t i) {
         if (!chosen.values.defined()) return std::nullopt;
         return chosen.values.const_data_ptr<float>()[i];

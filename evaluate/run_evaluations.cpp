@@ -1,7 +1,6 @@
 #include "evaluate/run_evaluations.h"
 
 #include <algorithm>
-#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>

@@ -85,13 +85,15 @@ class PlayedGames {
     AppendFile file_;
 };
 
-/// A header and a line for each run: agent steps, games, mean, standard deviation, median and the
-/// human-normalised mean; in their place, why it has no result.
+/// A run and its evaluation.
 struct EvaluationRow {
     std::string run{};
     std::optional<EvaluationResult> result{};
     std::string failure{};  // a sentence, where there is no result
 };
+
+/// Returns a header and a line for each run: agent steps, games, mean, standard deviation, median and the
+/// human-normalised mean; in their place, why it has no result.
 std::string evaluation_table(const std::vector<EvaluationRow>& rows);
 
 }  // namespace cale

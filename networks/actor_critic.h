@@ -1,7 +1,6 @@
 // One encoder, one actor and two critics: the network of SAC, and what that of SAC-D (sacd_network.h) shares.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include <ATen/core/Generator.h>

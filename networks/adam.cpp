@@ -98,14 +98,14 @@ void soft_update(const std::vector<torch::Tensor>& target, const std::vector<tor
     at::_foreach_lerp_(target, online, tau);
 }
 
-namespace {
-
 std::vector<torch::Tensor> gradients_of(const std::vector<torch::Tensor>& parameters) {
     std::vector<torch::Tensor> gradients;
     gradients.reserve(parameters.size());
     for (const auto& parameter : parameters) gradients.push_back(parameter.grad());
     return gradients;
 }
+
+namespace {
 
 /// [] float64: a sum of millions of squares in float32 is too small by a thousandth.
 torch::Tensor global_norm(const std::vector<torch::Tensor>& tensors) {

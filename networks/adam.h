@@ -60,6 +60,9 @@ class Adam {
 void soft_update(const std::vector<torch::Tensor>& target, const std::vector<torch::Tensor>& online,
                  double tau);
 
+/// Returns the parameters' gradients, in their order; undefined where a parameter has none.
+std::vector<torch::Tensor> gradients_of(const std::vector<torch::Tensor>& parameters);
+
 /// Scales the gradients of `parameters` down to the global norm `maximum` where it is larger, without a
 /// wait for the device. Returns the norm before: [] float64.
 torch::Tensor clip_gradient_norm(const std::vector<torch::Tensor>& parameters, double maximum);

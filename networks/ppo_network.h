@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <string_view>
-#include <vector>
 
 #include <ATen/core/Generator.h>
 #include <torch/nn/module.h>

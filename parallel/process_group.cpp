@@ -224,7 +224,7 @@ std::vector<ProcessGroup::TensorMap> ProcessGroup::gather(const TensorMap& own) 
 void ProcessGroup::require_same(const std::string& text, const std::string& complaint) const {
     if (single()) return;
     const auto texts = impl_->gather(Bytes(text.begin(), text.end()));
-    const bool differ = std::any_of(texts.begin(), texts.end(), [&](const Bytes& of_another) {
+    const bool differ = std::ranges::any_of(texts, [&](const Bytes& of_another) {
         return std::string_view(of_another.data(), of_another.size()) != text;
     });
     if (any(differ)) throw std::runtime_error(complaint);

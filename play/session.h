@@ -20,6 +20,7 @@ struct Stage {
     std::function<Command(Hands& hands)> poll{};
 };
 
+/// What is played, and by whom.
 struct PlayPlan {
     EnvConfig env{};
     Decide decide{};  // empty: the player plays

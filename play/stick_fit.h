@@ -34,6 +34,7 @@ StickLog read_stick_log(const std::filesystem::path& csv);
 /// motion must have passed check().
 std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& commanded);
 
+/// A model of a stick's motion, and how far it is from what was measured.
 struct FittedStick {
     StickMotion motion;
     double error = 0;  // root mean square distance from what was measured, in radii

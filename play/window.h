@@ -9,6 +9,7 @@
 
 namespace cale {
 
+/// The window of `cale play`.
 class Window {
   public:
     /// For pictures of width x height pixels; `dial` is the position of the joystick in them. Throws

@@ -1,3 +1,4 @@
+// Vectors of floats that begin with a cache line.
 #pragma once
 
 #include <cstddef>
@@ -24,6 +25,7 @@ struct CacheLineAllocator {
     bool operator==(const CacheLineAllocator&) const { return true; }  // each frees what another allocated
 };
 
+/// A vector of floats in such memory.
 using Floats = std::vector<float, CacheLineAllocator<float>>;
 
 }  // namespace cale::lite

@@ -40,6 +40,7 @@ std::optional<std::uint64_t> json_natural(std::string_view value);
 
 /// `text`, which must be UTF-8, as a JSON string.
 std::string to_json(std::string_view text);
+/// Whether `text` is valid UTF-8.
 bool is_utf8(std::string_view text);
 
 /// Returns untrusted text for an error message: 'in quotes', control characters and what is no UTF-8 escaped,

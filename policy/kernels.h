@@ -5,11 +5,12 @@
 
 namespace cale::lite {
 
+/// How a sum is written.
 enum class Store {
-    plain,
-    relu,
-    add
-};  // how a sum is written: stored, stored unless negative (else 0), added to the present value
+    plain,  // as it is
+    relu,   // 0 where it is negative
+    add,    // added to what is there
+};
 
 /// A convolution. Images lie in memory row by row, the channels of a pixel side by side, and are surrounded
 /// by as many zeros as the kernel reaches beyond them: a row of the kernel covers kernel_width neighbouring
@@ -34,6 +35,7 @@ struct DenseShape {
     std::size_t next_vector = 0;  // floats from one observation's input to the next one's, and so of outputs
 };
 
+/// The loops for one instruction set.
 struct Kernels {
     const char* name;
     std::size_t vector;  // floats that are computed in one instruction

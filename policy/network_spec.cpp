@@ -170,7 +170,7 @@ std::vector<SizedLayer> sized_layers(const Layers& layers, const std::vector<std
 std::vector<SizedLayer> sized_layers(const NetworkSpec& network) {
     auto sized = sized_layers(network.layers, network.observation);
     const bool flattens =
-        std::ranges::any_of(network.layers, [](const Layer& layer) { return layer.kind == Kind::flatten; });
+        std::ranges::find(network.layers, Kind::flatten, &Layer::kind) != network.layers.end();
     require(flattens && network.observation.size() > 1, "the head", "a flattened observation");
     return sized;
 }

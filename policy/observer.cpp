@@ -9,8 +9,6 @@
 namespace cale {
 namespace {
 
-constexpr std::size_t kMemory = 128;  // bytes of the console's
-
 std::array<std::uint8_t, 256> every_gray() {
     std::array<std::uint8_t, 256> gray{};
     for (std::size_t i = 0; i < gray.size(); ++i) gray[i] = static_cast<std::uint8_t>(i);
@@ -81,7 +79,7 @@ void Observer::require_size(std::span<const std::uint8_t> screen) const {
     if (reads_memory()) {
         if (screen.size() == frame_.size()) return;
         const std::string parts =
-            frame_.size() > kMemory ? " (the memory's, then those of write_joystick_log())" : "";
+            frame_.size() > kRamSize ? " (the memory's, then those of write_joystick_log())" : "";
         throw std::invalid_argument("this policy reads the console's memory: give it " +
                                     std::to_string(frame_.size()) + " bytes" + parts + ", not " +
                                     std::to_string(screen.size()));

@@ -94,7 +94,7 @@ std::vector<float> numbers_of(const StoredTensors& stored, const NamedShape& exp
     }
     std::vector<float> numbers(tensor.bytes.size() / sizeof(float));
     std::memcpy(numbers.data(), tensor.bytes.data(), tensor.bytes.size());
-    if (!std::all_of(numbers.begin(), numbers.end(), [](float x) { return std::isfinite(x); }))
+    if (!std::ranges::all_of(numbers, [](float x) { return std::isfinite(x); }))
         throw FileDamage({"tensor '", expected.name, "' holds a number that is not finite"});
     return numbers;
 }
@@ -115,10 +115,8 @@ GoldenPair golden_pair(const StoredTensors& stored, const PolicyFile& policy) {
 
 void check_names(const StoredTensors& stored, const std::vector<NamedShape>& parameters) {
     for (const auto& [name, tensor] : stored.tensors) {
-        const bool known =
-            name == kGoldenObservation || name == kGoldenOutput ||
-            std::any_of(parameters.begin(), parameters.end(),
-                        [&, &name = name](const NamedShape& parameter) { return parameter.name == name; });
+        const bool known = name == kGoldenObservation || name == kGoldenOutput ||
+                           std::ranges::find(parameters, name, &NamedShape::name) != parameters.end();
         if (!known) throw FileDamage({"tensor ", in_quotes(name), " is no part of its network"});
     }
 }

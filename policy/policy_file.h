@@ -20,6 +20,7 @@ struct GoldenPair {
     std::vector<float> output;
 };
 
+/// The contents of a policy file.
 struct PolicyFile {
     PolicyInfo info;
     NetworkSpec network;

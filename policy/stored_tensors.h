@@ -35,12 +35,14 @@ inline constexpr std::array<ElementTypeInfo, 10> kElementTypes{{{"F64", 8},
                                                                 {"U8", 1},
                                                                 {"BOOL", 1}}};
 
+/// A tensor as it lies in its file.
 struct StoredTensor {
     ElementType type = ElementType::f32;
     std::vector<std::int64_t> shape;
     std::string_view bytes;  // of the file; at any address
 };
 
+/// A file's tensors and texts, by name.
 struct StoredTensors {
     std::map<std::string, StoredTensor> tensors;
     std::map<std::string, std::string> metadata;
@@ -50,6 +52,7 @@ struct StoredTensors {
 /// Throws FileDamage that says what is wrong.
 StoredTensors stored_tensors(std::string_view file);
 
+/// A tensor's name, type and shape.
 struct NamedShape {
     std::string name;
     ElementType type = ElementType::f32;

@@ -1,7 +1,6 @@
 #include "replay/config_entries.h"
 
 #include <cstddef>
-#include <cstdint>
 #include <sstream>
 #include <stdexcept>
 

@@ -62,12 +62,12 @@ class ReplayFileReader {
     /// Checks that everything has been read, and verifies the checksum.
     void finish();
     [[noreturn]] void fail(const std::string& what) const;
-    [[noreturn]] void fail_as_the_system_says() const;  // by errno
 
   private:
     struct FreeContext {
         void operator()(ZSTD_DCtx_s* context) const;
     };
+    [[noreturn]] void fail_as_the_system_says() const;  // by errno
     // Decompresses up to `size` bytes; fewer at the end of the content only.
     std::size_t decompress(void* data, std::size_t size);
 

@@ -8,7 +8,6 @@
 // every later snapshot: it is written once. The newest, which is not full, is "open".
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>

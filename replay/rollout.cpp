@@ -68,9 +68,8 @@ void Rollout::add(const torch::Tensor& actions, std::span<const StepResult> resu
     require_shape("actions", actions, action.sizes().slice(1));
     require_finite_rewards(results);
     const auto frame_size = static_cast<std::size_t>(config.observation.frame_size());
-    const bool cut_off = std::any_of(results.begin(), results.end(), [](const StepResult& result) {
-        return result.truncated && !result.terminal;
-    });
+    const bool cut_off = std::ranges::any_of(
+        results, [](const StepResult& result) { return result.truncated && !result.terminal; });
     if (cut_off && final_frames.size() != count * frame_size)
         throw std::invalid_argument("where an episode is cut off the rollout needs its final frame");
     store_step(actions, results, final_frames);

@@ -20,6 +20,7 @@ namespace cale {
 /// where scores are pooled (IQM, optimality gap, profiles), a game then counts by its runs.
 using Scores = std::vector<std::vector<double>>;
 
+/// How intervals are computed: as percentiles of the resamples' statistics.
 struct Bootstrap {
     std::int64_t resamples = 50'000;
     double confidence = 0.95;
@@ -52,6 +53,7 @@ double human_normalised(double score, const Game& game);
 // All functions below throw std::invalid_argument where a game has no run, a score is not finite, there is no
 // game, no resample is asked for, or the confidence is not between 0 and 1.
 
+/// Returns all four statistics, each with its interval.
 Aggregates aggregate(const Scores& scores, const Bootstrap& bootstrap = {});
 
 /// The mean over the runs of one game.

@@ -34,6 +34,7 @@ struct GameResult {
     bool has_interval() const { return runs.size() > 1; }
 };
 
+/// What a group of runs scored, over all games and in each.
 struct GroupResult {
     std::string label{};
     std::vector<GameResult> games{};  // by name, also those that are not compared
@@ -52,6 +53,7 @@ struct GroupResult {
     const GameResult* find(std::string_view game) const;
 };
 
+/// The same of published scores.
 struct BaselineResult {
     Baseline baseline{};
     Aggregates aggregates{};  // of the games' means: no interval, and another IQM than that of runs
@@ -71,6 +73,7 @@ struct Note {
     std::vector<std::string> items{};  // what it is about
 };
 
+/// What is compared, and how.
 struct ComparisonConfig {
     ScoreKind score = ScoreKind::training;
     Bootstrap bootstrap{};
@@ -86,6 +89,7 @@ struct ComparisonConfig {
     }
 };
 
+/// All numbers of a report.
 struct Comparison {
     ComparisonConfig config{};
     std::vector<Group> groups{};         // holds the runs that `results` points to

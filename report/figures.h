@@ -26,6 +26,7 @@ Picture game_curves_figure(const Comparison& comparison);
 /// games of which every group with events has some.
 Picture event_figure(const Comparison& comparison);
 
+/// A figure of a report.
 struct Figure {
     std::string name{};     // of its files: "aggregates"
     std::string title{};    // of its section in the page

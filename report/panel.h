@@ -27,6 +27,7 @@ std::vector<double> nice_ticks(double low, double high, int count);
 /// All in the same unit: 0, 5000, 10000 -> "0", "5k", "10k".
 std::vector<std::string> tick_texts(const std::vector<double>& ticks);
 
+/// A range of an axis.
 struct Interval {
     double low = 0;
     double high = 1;

@@ -19,6 +19,7 @@ struct Point {
     double y = 0;
 };
 
+/// Of sRGB.
 struct Colour {
     std::uint8_t red = 0;
     std::uint8_t green = 0;
@@ -38,6 +39,7 @@ struct Sample {
     double low = 0, high = 0;  // its interval; both are y where there is none
 };
 
+/// Straight lines from point to point.
 struct Line {
     std::vector<Point> points;
     Colour colour;
@@ -66,6 +68,7 @@ Area diamond(Point centre, double radius, Colour colour);
 
 enum class Anchor { start, middle, end };
 
+/// A line of text.
 struct Text {
     std::string text;  // UTF-8; a PNG shows ASCII only
     Point position;    // of the baseline, where `anchor` says

@@ -23,6 +23,7 @@ namespace cale {
 /// which protocol, is its setting `evaluation`, so that runs that were evaluated in different ways differ.
 enum class ScoreKind { training, evaluation };
 
+/// A quantile of the rewards of an evaluation's agent steps.
 struct RewardQuantile {
     double quantile = 0;  // [0, 1]
     double reward = 0;
@@ -34,6 +35,7 @@ struct ZoneRow {
     std::array<double, kZones.size()> shares{};  // add up to 1
 };
 
+/// A run, as its files describe it.
 struct Run {
     std::filesystem::path folder{};
     std::string agent{};        // "sac"
@@ -68,6 +70,7 @@ struct Run {
     bool is_recorded() const { return !recorded_as.empty(); }
 };
 
+/// A folder that is not used, and why.
 struct LeftOut {
     std::string what{};
     std::string why{};
@@ -76,7 +79,7 @@ struct LeftOut {
 /// The file in which a sweep lists its runs, each a line with the name of a subfolder.
 inline constexpr std::string_view kSweepList = "sweep_runs.txt";
 
-/// The settings in which the runs of a group differ.
+/// Whether the runs of a group may differ in this setting.
 constexpr bool is_game_or_seed(std::string_view key) {
     return key == "env.game" || key == "train.seed";
 }
@@ -101,6 +104,7 @@ inline constexpr std::array<std::string_view, 13> kWithoutEffect{"agent.replay_o
 /// say.
 std::uintmax_t episode_bytes_at(const std::filesystem::path& checkpoint);
 
+/// What find_runs() found.
 struct FoundRuns {
     std::vector<Run> runs{};             // by folder
     std::vector<LeftOut> left_out{};     // folders that look like runs and cannot be used

@@ -11,6 +11,7 @@
 
 namespace cale {
 
+/// An RGB picture.
 struct Image {
     int width = 0;
     int height = 0;

@@ -31,6 +31,7 @@ struct TrainOption {
 /// The options that a program with these settings has, in the order of its --help.
 std::vector<TrainOption> train_options(const ConfigTable& table);
 
+/// What the command line of a training program says.
 struct CommandLine {
     std::string config_file;             // empty: the defaults alone
     std::vector<std::string> overrides;  // KEY=VALUE as given, in order
@@ -58,7 +59,7 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
 void refuse_empty_values(std::span<const std::string> words);
 
 /// Returns the device that --device requests: auto (cuda if available), cpu, cuda or cuda:<index>, on a
-/// machine with `gpus` GPUs (torch::cuda::device_count()). `own_index` is the index that plain cuda stands
+/// machine with `gpus` GPUs (at::getNumGPUs()). `own_index` is the index that plain cuda stands
 /// for; without it, the current device. Throws ConfigError for another name and for a device that does not
 /// exist.
 c10::Device find_device(const std::string& requested, std::uint64_t gpus,

@@ -38,8 +38,7 @@ std::string quoted(const std::string& text) {
         return is_plain(c) && c != '-' && c != '.' && !(c >= '0' && c <= '9');
     };
     const bool is_word = text.size() == 1 || means_none(text) || truth_in(text).has_value();
-    if (!text.empty() && is_start(text[0]) && !is_word && std::all_of(text.begin(), text.end(), is_plain))
-        return text;
+    if (!text.empty() && is_start(text[0]) && !is_word && std::ranges::all_of(text, is_plain)) return text;
     YAML::Emitter emitter;
     emitter << YAML::DoubleQuoted << text;
     return emitter.c_str();
@@ -98,7 +97,7 @@ class YamlReader {
         }
         std::error_code ignored;  // a pipe has no canonical name, and cannot be extended
         const auto canonical = std::filesystem::weakly_canonical(file, ignored);
-        if (std::find(chain_.begin(), chain_.end(), canonical) != chain_.end()) {
+        if (std::ranges::find(chain_, canonical) != chain_.end()) {
             throw ConfigError(
                 fmt::format("{}'{}' extends itself; a base must not lead back to a file that extends it",
                             asked_by, file.string()));
@@ -178,7 +177,7 @@ class YamlReader {
                       const YAML::Node& settings) {
         const auto& name = section.Scalar();
         const auto sections = section_names();
-        if (std::find(sections.begin(), sections.end(), name) == sections.end()) {
+        if (std::ranges::find(sections, name) == sections.end()) {
             if (table_.has(name)) {
                 fail(file, section,
                      fmt::format("'{}' must be written as '{}' below '{}:'", name, name_of(name),
@@ -364,8 +363,7 @@ void ConfigTable::reset() {
 }
 
 const ConfigEntry* ConfigTable::find(std::string_view key) const {
-    const auto found = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const ConfigEntry& entry) { return entry.key == key; });
+    const auto found = std::ranges::find(entries_, key, &ConfigEntry::key);
     return found == entries_.end() ? nullptr : &*found;
 }
 

@@ -11,7 +11,6 @@
 //     table.set_override("env.game=breakout");
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <stdexcept>
@@ -31,7 +30,7 @@ namespace cale {
 /// Programs leave with exit code 2.
 class ConfigError : public std::runtime_error {
   public:
-    /// `what`: the sentence that what() returns.
+    /// `sentence` is what what() returns.
     explicit ConfigError(std::string_view sentence);
 };
 

@@ -9,6 +9,7 @@
 
 namespace cale {
 
+/// Another library's name of a setting, and ours.
 struct PeerName {
     std::string_view name;  // "buffer_size"
     std::string_view key;   // "agent.replay_capacity"

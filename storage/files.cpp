@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
-#include <utility>
 
 #include <fcntl.h>
 #include <poll.h>
@@ -95,7 +94,7 @@ void sync_name(const std::filesystem::path& path) {
     const auto parent = path.parent_path();
     const Descriptor folder(
         ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (folder.get() < 0) fail("write", path);
+    if (!folder.is_open()) fail("write", path);
     // Some file systems cannot sync a folder, and say EINVAL.
     if (::fsync(folder.get()) != 0 && errno != EINVAL) fail("write", path);
 }
@@ -104,7 +103,7 @@ std::string read_file(const std::filesystem::path& path, const StreamLimits& lim
     // Without O_NONBLOCK, opening a FIFO without a writer would block here.
     const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     struct stat status {};
-    if (file.get() < 0 || ::fstat(file.get(), &status) != 0) fail("read", path);
+    if (!file.is_open() || ::fstat(file.get(), &status) != 0) fail("read", path);
     if (S_ISDIR(status.st_mode)) fail("read", path, EISDIR);
     if (!S_ISREG(status.st_mode)) return read_stream(file, path, status, limits);
     std::string bytes;

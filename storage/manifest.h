@@ -13,6 +13,7 @@
 
 namespace cale {
 
+/// The size and the checksum of a file.
 struct FileRecord {
     std::uint64_t bytes = 0;
     std::uint32_t crc32c = 0;

@@ -19,6 +19,7 @@ struct ChildEnd {
 /// "exit code 1", "killed by signal 9 (Killed)".
 std::string text_of(const ChildEnd& end);
 
+/// Where a child process writes, and runs.
 struct ChildSettings {
     std::filesystem::path output;  // both streams are appended to it
     std::vector<int> cpus;         // it may use these; empty: any

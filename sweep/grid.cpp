@@ -28,7 +28,7 @@ constexpr std::array<std::string_view, 10> kPaperTen = {"Asterix", "Asteroids", 
 std::vector<std::string> games_of_group(std::string_view word) {
     std::vector<std::string> roms;
     for (const auto& game : games()) {
-        const bool in_ten = std::find(kPaperTen.begin(), kPaperTen.end(), game.name) != kPaperTen.end();
+        const bool in_ten = std::ranges::find(kPaperTen, game.name) != kPaperTen.end();
         if (word == "all" || (word == "atari100k" && game.in_atari100k) || (word == "paper_ten" && in_ten))
             roms.emplace_back(game.rom);
     }
@@ -133,8 +133,7 @@ std::vector<std::vector<Setting>> combinations(const Grid& grid, const std::vect
 }
 
 Axis* find(Grid& grid, std::string_view key) {
-    const auto found =
-        std::find_if(grid.begin(), grid.end(), [&](const Axis& axis) { return axis.key == key; });
+    const auto found = std::ranges::find(grid, key, &Axis::key);
     return found == grid.end() ? nullptr : &*found;
 }
 

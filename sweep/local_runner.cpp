@@ -286,8 +286,8 @@ class LocalRunner {
     }
 
     std::size_t count(RunPhase state) const {
-        return static_cast<std::size_t>(std::count_if(
-            jobs_.begin(), jobs_.end(), [&](const Job& job) { return job.status.state == state; }));
+        return static_cast<std::size_t>(
+            std::ranges::count(jobs_, state, [](const Job& job) { return job.status.state; }));
     }
 
     void say(std::string_view what, const Job& job, const std::string& more = "") {

@@ -10,6 +10,7 @@
 
 namespace cale {
 
+/// How runs are trained on this machine.
 struct LocalOptions {
     int threads = 1;         // of a run
     int retries = 2;         // how often a failed run is retried without further progress

@@ -12,6 +12,7 @@
 
 namespace cale {
 
+/// What runs may use.
 struct Machine {
     std::vector<int> cpus;    // usable_cores()
     std::int64_t memory = 0;  // bytes that are left
@@ -37,6 +38,7 @@ struct Slot {
     std::vector<int> cpus{};  // of its own; empty where the runs take more or less than all there are
 };
 
+/// The places for runs that are trained at once.
 struct Slots {
     std::vector<Slot> slots;
     std::string reason;  // why that many: "2 cores, 1 thread a run"

@@ -45,7 +45,7 @@ std::vector<std::string> agents_in(const fs::path& folder) {
         const auto name = item.path().filename().string();
         if (name.starts_with("train_") && item.path().extension().empty()) agents.push_back(name.substr(6));
     }
-    std::sort(agents.begin(), agents.end());
+    std::ranges::sort(agents);
     return agents;
 }
 

@@ -25,6 +25,7 @@ struct RunEnd {
     bool evaluates = true;         // whether an evaluation follows them
 };
 
+/// How far a run is.
 struct RunStatus {
     RunPhase state = RunPhase::waiting;
     std::int64_t step = 0;                // agent steps, as its newest report or checkpoint says

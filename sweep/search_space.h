@@ -33,6 +33,7 @@ struct SearchedSetting {
     std::string place{};  // "mine.yaml:9:3"; empty: it is of a command line
 };
 
+/// What a search draws settings from.
 struct SearchSpace {
     std::int64_t samples = 0;  // sets of settings to draw
     std::uint64_t seed = 1;

@@ -5,6 +5,7 @@
 
 namespace cale {
 
+/// What a command printed, and how it ended.
 struct Answer {
     int status = 0;  // of the shell, as waitpid() has it; 0: well
     std::string text;

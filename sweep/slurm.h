@@ -13,6 +13,7 @@
 
 namespace cale {
 
+/// The job array that is submitted.
 struct SlurmOptions {
     std::string name{};                  // of the job
     int at_once = 0;                     // tasks of the array that may run at the same time; 0: all

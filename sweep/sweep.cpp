@@ -80,7 +80,6 @@ void check_folder(const fs::path& folder) {
     if (has_run_record(folder)) refuse_folder(folder, "it is the folder of one run, not of a sweep's");
 }
 
-/// Whether the sweep file may have more runs than this call, as the tasks of a job array have.
 std::vector<std::string> names_of(std::span<const SweepRun> runs) {
     std::vector<std::string> names;
     for (const auto& run : runs) names.push_back(run.name);
@@ -96,6 +95,7 @@ std::vector<std::string> names_in(const fs::path& file) {
     }
 }
 
+/// Whether the sweep file may have more runs than this call, as the tasks of a job array have.
 bool asks_for_a_part(const SweepOptions& options) {
     return !options.overrides.empty() || !options.only.empty();
 }

@@ -14,6 +14,7 @@ namespace cale {
 enum class Launcher { local, slurm };
 enum class SweepTask { train, show_commands, show_status };
 
+/// What `cale sweep` is asked for.
 struct SweepOptions {
     std::filesystem::path file;
     std::vector<std::string> overrides;  // KEY=VALUE[,VALUE...], see read_sweep()

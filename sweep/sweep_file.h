@@ -46,6 +46,7 @@ struct SweepRun {
     std::string combination{};      // its name without the sample, which runs of different samples share
 };
 
+/// A sweep file that was read.
 struct Sweep {
     std::string name;  // of the file, without its ending
     std::vector<SweepRun> runs{};

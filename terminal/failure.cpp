@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <filesystem>
 #include <new>
-#include <string_view>
 #include <system_error>
 
 #include <c10/util/Exception.h>

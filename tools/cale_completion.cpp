@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -12,8 +13,31 @@
 namespace cale {
 namespace {
 
-/// What a subcommand of `cale`, or cale itself, understands. Its KEY=VALUEs set the environment.
-CommandWords words_of(const CLI::App& app, const std::vector<SettingWords>& settings) {
+/// What KEY=VALUE can be.
+struct Settings {
+    std::vector<SettingWords> environment;
+    std::vector<SettingWords> sweep;  // of all agents
+};
+
+/// Those of every training program, and the sets of games that a sweep may name.
+std::vector<SettingWords> sweep_settings(const std::vector<CommandWords>& programs) {
+    std::vector<SettingWords> all;
+    for (const auto& program : programs) {
+        for (const auto& setting : program.settings) {
+            const auto known = std::ranges::find(all, setting.key, &SettingWords::key);
+            auto& merged = known == all.end() ? all.emplace_back(setting) : *known;
+            for (const auto& value : setting.values)
+                if (std::ranges::find(merged.values, value) == merged.values.end())
+                    merged.values.push_back(value);
+        }
+    }
+    auto& games = std::ranges::find(all, "env.game", &SettingWords::key)->values;
+    games.insert(games.end(), {"atari100k", "paper_ten", "all"});
+    return all;
+}
+
+/// What a subcommand of `cale`, or cale itself, understands.
+CommandWords words_of(const CLI::App& app, const Settings& settings) {
     CommandWords words{.name = app.get_name(), .help = app.get_description()};
     words.help = words.help.substr(0, words.help.find(". "));
     for (const CLI::Option* option : app.get_options()) {
@@ -22,7 +46,8 @@ CommandWords words_of(const CLI::App& app, const std::vector<SettingWords>& sett
             words.argument = value;
             continue;
         }
-        if (value == "KEY=VALUE") words.settings = settings;
+        if (value == "KEY=VALUE")
+            words.settings = words.name == "sweep" ? settings.sweep : settings.environment;
         for (const auto& name : option->get_lnames())
             words.options.push_back({"--" + name, value, option->get_description()});
     }
@@ -36,7 +61,8 @@ void print_script(const CLI::App& app, const std::string& shell) {
     ConfigTable table;
     table.add("env", env);
     std::vector<CommandWords> programs = train_programs();
-    programs.insert(programs.begin(), words_of(app, setting_words(table)));
+    const Settings settings{.environment = setting_words(table), .sweep = sweep_settings(programs)};
+    programs.insert(programs.begin(), words_of(app, settings));
     std::fputs(completion_script(shell, programs).c_str(), stdout);
 }
 

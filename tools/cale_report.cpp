@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -130,16 +129,18 @@ Beside read_beside(const Options& options) {
             "them");
     if (!recorded.empty()) beside.recorded = read_recorded_runs(table, recorded);
     if (published.empty()) return beside;
-    try {
-        beside.baselines =
-            read_baselines(shipped ? read_csv_by_hand(data_file("reference_scores.csv")) : table, published);
-    } catch (const std::invalid_argument& error) {
-        if (!shipped) throw;
-        std::string hint = "; --baselines cale has all of cale's own";
-        for (const auto& name : published)
-            if (const auto guesses = resembling(name, groups); !guesses.empty())
-                hint = fmt::format("; cale's own has '{}'", fmt::join(guesses, "', '"));
-        throw std::invalid_argument(error.what() + hint);
+    const auto scores = shipped ? read_csv_by_hand(data_file("reference_scores.csv")) : table;
+    for (const auto& name : published) {
+        try {
+            beside.baselines.push_back(read_baselines(scores, {name}).front());
+        } catch (const std::invalid_argument& error) {
+            if (!shipped) throw;
+            const auto guesses = resembling(name, groups);
+            throw std::invalid_argument(
+                error.what() + (guesses.empty()
+                                    ? std::string("; --baselines cale has all of cale's own")
+                                    : fmt::format("; cale's own has '{}'", fmt::join(guesses, "', '"))));
+        }
     }
     return beside;
 }

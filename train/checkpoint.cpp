@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include "replay/replay_buffer.h"
+#include "replay/replay.h"
 #include "storage/files.h"
 #include "storage/step_name.h"
 #include "terminal/failure.h"
@@ -269,7 +269,7 @@ StoredCheckpoint write_checkpoint(const fs::path& run_dir, RunSnapshot snapshot,
 
 void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, const Retention& retention) {
     const auto all = list_checkpoints(run_dir);
-    const auto found = std::find(all.begin(), all.end(), newest);
+    const auto found = std::ranges::find(all, newest);
     const auto past = found == all.end() ? found : std::next(found);  // somebody may have deleted it
     const auto best = retention.best ? best_of({all.begin(), past}) : std::nullopt;
     link_best(run_dir / "checkpoints" / kBest, best);

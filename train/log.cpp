@@ -148,7 +148,7 @@ ProgressLog::ProgressLog(const std::filesystem::path& path, std::optional<std::i
 void ProgressLog::write(const Report& report) {
     std::vector<std::string> unseen;
     for (const auto& [name, value] : report.scalars) {
-        if (std::find(names_.begin(), names_.end(), name) == names_.end()) unseen.push_back(name);
+        if (std::ranges::find(names_, name) == names_.end()) unseen.push_back(name);
     }
     if (rows_ == 0 || !unseen.empty()) add_columns(unseen);
 

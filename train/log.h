@@ -24,6 +24,7 @@ struct EpisodeLogHeader {
 /// Returns the game that environment `env` plays of several.
 const std::string& game_of(const std::vector<std::string>& games, std::int64_t env);
 
+/// An episode that ended: a row of episodes.csv.
 struct Episode {
     double episode_return = 0;     // sum of rewards, undiscounted, neither clipped nor scaled
     std::int64_t length = 0;       // agent steps
@@ -59,6 +60,7 @@ class EpisodeLog {
     std::vector<std::string> games_;
 };
 
+/// What progress.csv says at one moment of training.
 struct Report {
     std::int64_t global_step = 0;
     std::int64_t frame = 0;

@@ -6,7 +6,7 @@
 //     wall_seconds                                           of all sessions, evaluations included
 //     finished, stopped                                      why it ended early; null: it runs, or was killed
 //     resumed                                                the later sessions, with the same keys
-//     schedule_over_run                                      see AgentSpec
+//     schedule_over_run                                      see agents/agent.h
 //     accepted_changes                                       settings changed during the run, and when
 #pragma once
 

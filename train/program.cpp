@@ -558,6 +558,13 @@ TrainOptions train_options(const TrainingProgram& program, const CommandLine& li
     return options;
 }
 
+/// Of the settings that name a folder: a run may be resumed in another one than it began in.
+void make_absolute(const ConfigTable& table, std::string_view key) {
+    if (!table.has(key)) return;
+    const auto& setting = table.at(key);
+    if (const auto folder = setting.get(); !folder.empty()) setting.set(fs::absolute(folder).string());
+}
+
 int run(const TrainingProgram& program, int argc, const char* const* argv) {
     if (!is_agent_name(program.agent_name))
         throw ConfigError(
@@ -572,6 +579,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     }
 
     prepare_process_for_training();
+    make_absolute(program.table, "env.rom_dir");
     const TrainingWorld world = make_world(program);
     const auto process = find_rank(program, world);
     const torch::Device device = choose_device(line.device, process);

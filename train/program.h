@@ -36,7 +36,7 @@ struct TrainingProgram {
     /// update() may be called between a decision and its observation too, as train.overlap and train.realtime
     /// have it for agents that do not learn beside.
     bool updates_late = true;
-    std::function<std::string()> schedule_over_run = [] { return std::string(); };  // see AgentSpec
+    std::function<std::string()> schedule_over_run = [] { return std::string(); };  // see agents/agent.h
     /// Throws std::runtime_error unless the agent fits into `available` bytes. Null if its size is unknown.
     std::function<void(const AgentSpec&, std::int64_t available)> check_memory = nullptr;
 };

@@ -13,7 +13,7 @@
 #include "cale/text.h"
 #include "evaluate/evaluation.h"
 #include "evaluate/evaluation_progress.h"
-#include "replay/replay_buffer.h"
+#include "replay/replay.h"
 #include "report/csv.h"
 #include "report/learning_curve.h"
 #include "storage/step_name.h"
@@ -283,10 +283,12 @@ Outcome Recorder::finish() {
     if (files_) files_->checkpoints.finish();
     if (!complete || (!evaluated && !run_last_evaluation(replays_evaluation))) {
         const bool paused = !complete && reached_pause() && !stop_requested();
+        const bool was_there = paused && resumed_ != nullptr && resumed_->state.step > options_.until;
         if (files_)
-            files_->console.message(fmt::format("{} at agent step {}; resume with {}",
-                                                paused ? "Paused" : "Interrupted", state_.step,
-                                                resume_options(options_.run_dir)));
+            files_->console.message(fmt::format(
+                "{} at agent step {}{}; resume with {}", paused ? "Paused" : "Interrupted", state_.step,
+                was_there ? fmt::format(", where it was: --until {} is behind it", options_.until) : "",
+                resume_options(options_.run_dir)));
         return paused ? Outcome::paused : Outcome::interrupted;
     }
     if (files_) {

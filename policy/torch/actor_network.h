@@ -15,6 +15,7 @@
 
 namespace cale {
 
+/// A NetworkSpec with its weights, on a device.
 class ActorNetwork {
   public:
     /// With these weights, by the names of parameter_shapes(network).

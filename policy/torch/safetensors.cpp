@@ -22,7 +22,7 @@ torch::Tensor make_tensor(const std::string& name, const StoredTensor& stored) {
     const auto bytes = stored.bytes;
     // Any other byte in a bool would be undefined behaviour.
     if (stored.type == ElementType::boolean &&
-        std::any_of(bytes.begin(), bytes.end(), [](char c) { return c != 0 && c != 1; })) {
+        std::ranges::any_of(bytes, [](char c) { return c != 0 && c != 1; })) {
         throw FileDamage({"tensor ", in_quotes(name), " has truth values other than 0 and 1"});
     }
     auto tensor = at::empty(stored.shape, kScalarTypes.at(static_cast<std::size_t>(stored.type)));
@@ -61,7 +61,7 @@ SafetensorsPieces safetensors_pieces(const TensorMap& tensors,
         };
         if (name == "__metadata__") reject("has the name that the format keeps for metadata");
         if (!tensor.defined()) reject("is undefined");
-        const auto known = std::find(kScalarTypes.begin(), kScalarTypes.end(), tensor.scalar_type());
+        const auto known = std::ranges::find(kScalarTypes, tensor.scalar_type());
         if (known == kScalarTypes.end() || tensor.layout() != at::kStrided)
             reject("is a " + tensor.toString() + " tensor, which the format does not know");
         const auto type = static_cast<ElementType>(known - kScalarTypes.begin());

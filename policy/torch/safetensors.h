@@ -14,6 +14,7 @@
 
 namespace cale {
 
+/// The contents of a safetensors file.
 struct SafetensorsFile {
     TensorMap tensors;  // on the CPU, contiguous
     std::map<std::string, std::string> metadata;

@@ -198,6 +198,8 @@ TEST(ProgramEmulator, PausesAtAStepAndGoesOnAsIfItHadNot) {
     EXPECT_FALSE(std::filesystem::exists(paused / "eval"));
     EXPECT_EQ(train_sac(resuming(paused, 60, {"--until", "30"})).code, 0) << "it is there already";
     EXPECT_FALSE(std::filesystem::exists(paused / "checkpoints/step_000000031"));
+    EXPECT_THAT(train_sac(resuming(paused, 60, {"--until", "20"})).stderr_text,
+                testing::HasSubstr("Paused at agent step 30, where it was: --until 20 is behind it; resume"));
     ASSERT_EQ(train_sac(resuming(paused, 60, {"--until", "100"})).code, 0);
     EXPECT_EQ(metadata_of(paused)["finished"], true);
     for (const std::string file : {"eval/step_000000060.csv",
@@ -365,6 +367,22 @@ TEST(ProgramEmulator, MistakesAreOneSentenceAndExitCode2) {
         EXPECT_FALSE(std::filesystem::exists(run)) << "nothing may be left behind";
     }
     EXPECT_EQ(train_sac({"--device", "tpu"}).code, 2);
+}
+
+TEST(ProgramEmulator, ARelativeFolderOfRomsIsFoundFromEveryFolder) {
+    const TemporaryFolder folder;
+    const auto roms = find_rom("pong", "").parent_path();
+    std::filesystem::create_directory_symlink(roms, folder.path() / "roms");
+    const auto run = folder.path() / "run";
+    {
+        const test::WorkingFolder here(folder.path());
+        const auto begun = train_sac(small(run, {"env.rom_dir=roms"}));
+        ASSERT_EQ(begun.code, 0) << begun.stderr_text;
+    }
+    EXPECT_THAT(read_file(run / "config.yaml"),
+                testing::HasSubstr("rom_dir: " + (folder.path() / "roms").string() + "\n"));
+    const auto resumed = train_sac(resuming(run, 80, {}));
+    EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
 }
 
 TEST(ProgramEmulator, TrainsBesideAConsoleThatDoesNotWait) {
@@ -1187,6 +1205,20 @@ TEST(CaleProgram, HelpAndVersion) {
     }
     EXPECT_THAT(cale_says("--version").text,
                 testing::MatchesRegex("cale [0-9.]+ \\(LibTorch [0-9.]+.*, ALE [0-9.]+\\)\n"));
+}
+
+TEST(CaleProgram, CompletesTheSettingsOfAllAgentsForASweep) {
+    const auto offered = [](const std::string& words) {
+        return shell_says(fmt::format("bash -c 'source <({0}/cale completion bash); COMP_WORDS=(cale {1}); "
+                                      "COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _cale 2>/dev/null; "
+                                      "echo \"${{COMPREPLY[@]}}\"'",
+                                      CALE_BINARY_DIR, words))
+            .text;
+    };
+    EXPECT_EQ(offered("sweep --set train.se"), "train.seed=\n");
+    EXPECT_EQ(offered("sweep --set env.game = paper"), "paper_ten\n");
+    EXPECT_THAT(offered("sweep --set env.joystick = \"\""), testing::HasSubstr("factored"));
+    EXPECT_EQ(offered("map --set train.se"), "\n");
 }
 
 TEST(CaleProgram, APipedConfigurationExtendsAbsolutePaths) {
