@@ -35,6 +35,9 @@ bool is_invisible(std::string_view driver) {
 /// SDL itself.
 struct Video {
     Video() {
+        // Without this folder there is no Wayland, whose library would complain of that by itself.
+        if (std::getenv("XDG_RUNTIME_DIR") == nullptr)
+            SDL_SetHint(SDL_HINT_VIDEODRIVER, "x11,kmsdrm,offscreen");
         if (SDL_Init(SDL_INIT_VIDEO) != 0)
             throw std::runtime_error(fmt::format("there is no display: {}", SDL_GetError()));
         const std::string driver = SDL_GetCurrentVideoDriver();

@@ -1207,6 +1207,14 @@ TEST(CaleProgram, HelpAndVersion) {
                 testing::MatchesRegex("cale [0-9.]+ \\(LibTorch [0-9.]+.*, ALE [0-9.]+\\)\n"));
 }
 
+TEST(CaleProgram, PlaysInNoWindowWhereThereIsNoDisplay) {
+    const auto said = shell_says(fmt::format(
+        "env -u DISPLAY -u WAYLAND_DISPLAY -u XDG_RUNTIME_DIR -u SDL_VIDEODRIVER {}/cale play pong 2>&1",
+        CALE_BINARY_DIR));
+    EXPECT_EQ(said.code, 1);
+    EXPECT_THAT(said.text, testing::MatchesRegex("cale play: [^\n]*give --policy FILE[^\n]*\n"));
+}
+
 TEST(CaleProgram, CompletesTheSettingsOfAllAgentsForASweep) {
     const auto offered = [](const std::string& words) {
         return shell_says(fmt::format("bash -c 'source <({0}/cale completion bash); COMP_WORDS=(cale {1}); "
