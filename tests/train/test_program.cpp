@@ -1226,7 +1226,7 @@ TEST(CaleProgram, CompletesTheSettingsOfAllAgentsForASweep) {
     EXPECT_EQ(offered("sweep --set train.se"), "train.seed=\n");
     EXPECT_EQ(offered("sweep --set env.game = paper"), "paper_ten\n");
     EXPECT_THAT(offered("sweep --set env.joystick = \"\""), testing::HasSubstr("factored"));
-    EXPECT_EQ(offered("map --set train.se"), "\n");
+    EXPECT_EQ(offered("evaluate --set train.se"), "\n");
 }
 
 TEST(CaleProgram, APipedConfigurationExtendsAbsolutePaths) {
