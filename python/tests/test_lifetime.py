@@ -95,8 +95,8 @@ def test_a_forked_process_is_refused_with_a_sentence_and_the_parent_goes_on():
     assert [line[:len(refused)] for line in ended.stdout.splitlines()] == [refused, refused, "7"]
 
 
-def test_a_process_forked_while_a_thread_acts_uses_the_policy_and_ends():
-    policy = pathlib.Path(__file__).parents[2] / "policies/road_runner_sac.safetensors"
+def test_a_process_forked_while_a_thread_acts_uses_the_policy_and_ends(repository):
+    policy = repository / "policies/road_runner_sac.safetensors"
     ended = run(f"""
         import os, sys, threading, time, cale, numpy
         policy = cale.Policy({str(policy)!r})

@@ -170,6 +170,8 @@ def test_names_that_are_not_utf8_are_refused(repository, tmp_path):
         cale.Policy(os.fsdecode(b"\xff"))
     with pytest.raises(ValueError, match="rom_dir is '.*udcff', which is not UTF-8"):
         cale.make_vec("pong", rom_dir=os.fsdecode(b"\xff"))
+    with pytest.raises(ValueError, match="game is '.*udcff', which is not UTF-8"):
+        cale.make_vec(["pong", os.fsdecode(b"\xff")])
 
 
 def test_a_policy_of_a_newer_version_says_so(repository):

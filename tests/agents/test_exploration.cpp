@@ -10,8 +10,10 @@
 namespace {
 
 TEST(SchedulesGolden, EpsilonDecaysAsInTheReference) {
+    int rows = 0;
     for (const auto& file : golden::files_of_kind("schedules")) {
         for (const auto& row : golden::load(file)["epsilon"]) {
+            ++rows;
             const double epsilon = cale::linearly_decaying_epsilon(
                 row["decay_period"].as<std::int64_t>(), row["step"].as<std::int64_t>(),
                 row["warmup_steps"].as<std::int64_t>(), row["final"].as<double>());
@@ -19,6 +21,7 @@ TEST(SchedulesGolden, EpsilonDecaysAsInTheReference) {
             EXPECT_NEAR(epsilon, expected, 1e-6 * expected) << file << ", step " << row["step"];
         }
     }
+    EXPECT_GT(rows, 0);
 }
 
 TEST(ExplorationBox, EventsAreThoseOfTheWorldsBox) {

@@ -32,6 +32,14 @@ TEST(Text, ANounFollowsItsNumber) {
     EXPECT_EQ(counted(std::size_t{2}, "game"), "2 games");
 }
 
+TEST(Text, NumbersInWordsAreComparedAsNumbers) {
+    EXPECT_TRUE(natural_less("n=3", "n=10"));
+    EXPECT_FALSE(natural_less("n=10", "n=3"));
+    EXPECT_TRUE(natural_less("tau=0.25", "tau=0.3"));
+    EXPECT_TRUE(natural_less("n=3", "n=3, der"));
+    EXPECT_FALSE(natural_less("n=3", "n=3"));
+}
+
 TEST(Text, LettersThatChangedPlacesAreOneMistake) {
     EXPECT_EQ(edit_distance("pong", "pong"), 0u);
     EXPECT_EQ(edit_distance("pnog", "pong"), 1u);

@@ -468,4 +468,17 @@ TEST(EnvSettings, AJoystickNeedsTheContinuousActions) {
     EXPECT_THROW(cale::Env(config, 1), std::invalid_argument);
 }
 
+TEST(VectorEnvMemory, GrowsByTheScreensThatAreSeenLate) {
+    auto config = config_of(1, 1);
+    const auto growth = [&config] {
+        config.motion.observation_latency = {};
+        const auto at_once = VectorEnv::memory_per_env(config);
+        config.motion.observation_latency = {0, 10};
+        return VectorEnv::memory_per_env(config) - at_once;
+    };
+    EXPECT_GE(growth(), 10 * 210 * 160);
+    config.obs = cale::Obs::ram;
+    EXPECT_EQ(growth(), 10 * 128);
+}
+
 }  // namespace

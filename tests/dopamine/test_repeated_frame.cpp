@@ -51,6 +51,15 @@ TEST(RepeatedFrame, ANewEpisodeForgetsIt) {
     EXPECT_EQ(seen(repeated, 11), (Frames{8, 9, 10, 11}));
 }
 
+TEST(RepeatedFrame, AnEpisodeThatIsCutOffForgetsItToo) {
+    RepeatedFrame repeated;
+    step(repeated, 9);
+    repeated.push();
+    const std::array<std::uint8_t, 1> pixel{10};
+    repeated.remember(pixel, {.truncated = true});
+    EXPECT_EQ(seen(repeated, 11), (Frames{8, 9, 10, 11}));
+}
+
 TEST(RepeatedFrame, RefusesAStateOfAnotherKindAndStaysAsItIs) {
     RepeatedFrame repeated;
     step(repeated, 9);
@@ -62,6 +71,8 @@ TEST(RepeatedFrame, RefusesAStateOfAnotherKindAndStaysAsItIs) {
         auto state = good;
         state.at(name) = bad;
         EXPECT_THROW(repeated.restore(state), std::runtime_error) << name;
+        state.erase(name);
+        EXPECT_THROW(repeated.restore(state), std::runtime_error) << "without " << name;
     }
     EXPECT_EQ(seen(repeated, 10), (Frames{8, 9, 10, 9}));
 }

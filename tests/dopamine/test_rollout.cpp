@@ -13,13 +13,13 @@ namespace {
 constexpr std::int64_t kStack = 4;
 
 /// One episode of seven steps on frames of one pixel, 1 to 7, with rewards 10 to 70.
-DopamineRollout seven_steps(std::int64_t length) {
+DopamineRollout seven_steps(std::int64_t length, bool cut_off = false) {
     DopamineRollout rollout({.length = length, .observation = {kStack, {1, 1}}, .action_size = 0});
     for (int step = 1; step <= 7; ++step) {
         rollout.set_observations(torch::full({1, kStack, 1, 1}, step, torch::kUInt8));
         StepResult result;
         result.reward = static_cast<float>(10 * step);
-        result.terminal = result.episode_over = step == 7;
+        (cut_off ? result.truncated : result.terminal) = result.episode_over = step == 7;
         const std::array<std::uint8_t, 1> none{};
         rollout.add(torch::tensor({step + 100}, torch::kInt64), {&result, 1}, none);
     }
@@ -77,6 +77,16 @@ TEST(DopamineRollout, WhatDoesNotFitComesToLieInFront) {
                                               {2, 3, 4, 5},
                                               {3, 4, 5, 6},
                                               {0, 4, 5, 6}}));
+}
+
+TEST(DopamineRollout, NoElementReachesOverACut) {
+    auto rollout = seven_steps(20, /*cut_off=*/true);
+    const auto steps = rollout.steps;
+    rollout.set_observations(torch::zeros({1, kStack, 1, 1}, torch::kUInt8));
+    const StepResult result;
+    const std::array<std::uint8_t, 1> none{};
+    rollout.add(torch::tensor({1}, torch::kInt64), {&result, 1}, none);
+    EXPECT_EQ(rollout.steps, steps);
 }
 
 TEST(DopamineRollout, ElementsOfNoFrameAreRefused) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "play/window.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -164,8 +165,8 @@ TEST(PlayEmulator, InRealTimeTheGamesHaveTheFramesThatThereWere) {
 }
 
 TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
-    const auto film = std::filesystem::path(testing::TempDir()) / "cale_play_policy.mp4";
-    std::filesystem::remove(film);
+    const test::TemporaryFolder folder;
+    const auto film = folder / "policy.mp4";
     std::int64_t decisions = 0;
     PlayPlan plan{.env = breakout(), .games = 1, .speed = 0, .video = film};
     plan.env.action_space = ActionSet::minimal;
@@ -180,7 +181,6 @@ TEST(PlayEmulator, APolicyPlaysWithoutHandsAndIsFilmed) {
     play(plan, {});
     EXPECT_EQ(result.length, decisions);
     EXPECT_GT(std::filesystem::file_size(film), 1000u);
-    std::filesystem::remove(film);
 }
 
 TEST(PlayEmulator, PicturesHaveTheSizeThatIsSaidBefore) {

@@ -65,7 +65,9 @@ mv "$dir/config.yaml.tmp-1" "$dir/config.yaml"
 case $mode in
     fast) finish ;;
     slow)
-        trap 'checkpoint 050; echo "Interrupted"; exit 130' INT TERM
+        ready=$here/ready_${dir##*/}
+        trap 'rm -f "$ready"; checkpoint 050; echo "Interrupted"; exit 130' INT TERM
+        touch "$ready"
         while [ ! -e "$here/go" ]; do sleep 0.02; done
         finish ;;
     fail_once)

@@ -32,6 +32,8 @@ class FakeProgram {
     std::vector<cale::PlannedRun> runs(const std::vector<std::string>& modes) const;
     /// Lets the slow ones finish.
     void go() const { folder_.write("go", ""); }
+    /// Whether a slow run would end at a checkpoint when it is told to stop.
+    bool ready(const std::string& run) const { return std::filesystem::exists(path() / ("ready_" + run)); }
 
     std::filesystem::path path() const { return folder_.path(); }
     std::filesystem::path sweep() const { return folder_.path() / "runs"; }

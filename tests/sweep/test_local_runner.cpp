@@ -152,9 +152,9 @@ TEST_F(LocalSweep, AnInterruptLeavesCheckpointsToGoOnFrom) {
         const auto sweep = start(runs);
         ASSERT_TRUE(test::wait_until([&] {
             return state("slow_0") == RunPhase::running && state("slow_1") == RunPhase::running &&
-                   says("slow_0", expected) && says("slow_1", expected);
+                   says("slow_0", expected) && says("slow_1", expected) && fake_.ready("slow_0") &&
+                   fake_.ready("slow_1");
         }));
-        ::usleep(100'000);  // the scripts' traps
         ::kill(sweep, signal);
         EXPECT_EQ(exit_code_of(sweep), 130);
         EXPECT_EQ(state("slow_0"), RunPhase::interrupted);
@@ -171,8 +171,7 @@ TEST_F(LocalSweep, KilledItselfItTakesItsRunsWithItAndTheNextGoesOn) {
     const auto runs = fake_.runs({"slow", "fast"});
     const auto sweep = start(runs);
     ASSERT_TRUE(
-        test::wait_until([&] { return says("slow_0", "started") && state("fast_1") == RunPhase::finished; }));
-    ::usleep(100'000);
+        test::wait_until([&] { return fake_.ready("slow_0") && state("fast_1") == RunPhase::finished; }));
     ::kill(sweep, SIGKILL);
     EXPECT_EQ(exit_code_of(sweep), -SIGKILL);
     EXPECT_TRUE(test::wait_until([&] { return state("slow_0") == RunPhase::interrupted; }))
@@ -186,8 +185,7 @@ TEST_F(LocalSweep, KilledItselfItTakesItsRunsWithItAndTheNextGoesOn) {
 TEST_F(LocalSweep, SaysWhatTheStopOfOneRunWaitsFor) {
     const auto runs = fake_.runs({"slow"});
     const auto sweep = start(runs);
-    ASSERT_TRUE(test::wait_until([&] { return says("slow_0", "started"); }));
-    ::usleep(100'000);
+    ASSERT_TRUE(test::wait_until([&] { return fake_.ready("slow_0"); }));
     ::kill(sweep, SIGINT);
     EXPECT_EQ(exit_code_of(sweep), 130);
     EXPECT_THAT(said(),

@@ -398,5 +398,26 @@ TEST(ExportTest, AConfigurationThatIsNone) {
                 HasSubstr("policy of Pong"));
 }
 
+TEST(ExportTest, TheWebPageSaysWhatItCannotRead) {
+    PolicyInfo info;
+    const auto error = [&] { return test::error_of<std::runtime_error>([&] { web::trained_env(info); }); };
+    EXPECT_EQ(error(), "this policy does not say in which environment it was trained");
+    info.provenance["config"] = "env:\n  colour: red\n";
+    EXPECT_THAT(error(),
+                HasSubstr("this page is older than the policy: of its environment, there is no setting "
+                          "'colour'"));
+    info.provenance["config"] = "env:\n  threshold: 7\n";
+    EXPECT_THAT(error(), HasSubstr("cannot be used: threshold must be 0 to 1, not '7'"));
+}
+
+TEST(ExportTest, TheWebPagesChangesAreLinesOfSettings) {
+    EnvConfig env;
+    web::change(env, "threshold=0.25\n\nstick_speed=0.2\n");
+    EXPECT_EQ(web::setting(env, "threshold"), "0.25");
+    EXPECT_EQ(web::setting(env, "stick_speed"), "0.2");
+    EXPECT_THROW(web::change(env, "threshold"), std::invalid_argument);
+    EXPECT_THROW(web::change(env, "colour=red"), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace cale

@@ -105,6 +105,14 @@ TEST_P(ResumeSlow, AKilledRunIsTheSameRun) {
         for (const auto& checkpoint : list_checkpoints(killed))
             EXPECT_NO_THROW(verify(checkpoint, read_manifest(checkpoint))) << "killed after" << instants;
     }
+    if (list_checkpoints(killed).empty()) {  // killed before the first, each time
+        static_cast<void>(
+            std::system(fmt::format("{} & run=$!; until [ -e {}/checkpoints/step_000000030 ]; do "
+                                    "kill -0 $run || break; sleep 0.02; done; kill -KILL $run",
+                                    command(killed), killed.string())
+                            .c_str()));
+    }
+    ASSERT_FALSE(list_checkpoints(killed).empty()) << "nothing would be resumed";
     ASSERT_EQ(std::system(command(killed).c_str()), 0) << read_file(killed.string() + ".log");
 
     const auto last = [](const fs::path& run) { return list_checkpoints(run).back(); };

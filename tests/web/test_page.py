@@ -291,10 +291,28 @@ class Page(unittest.TestCase):
     def test_the_button_for_fire_works_without_a_pointer(self):
         self.open()
         self.drop("road_runner")
+        self.note_fires()
         self.find("fire").send_keys(Keys.ENTER)
         self.until(lambda: self.text("player") == "You play")
-        self.until(lambda: "fire 1.00" in self.text("numbers"))
-        self.until(lambda: "fire 0.00" in self.text("numbers"))
+        self.until(lambda: self.browser.execute_script("return fires.includes(true) && !fires.at(-1)"))
+
+    def test_a_key_that_is_tapped_between_two_decisions_counts(self):
+        self.open()
+        self.drop("road_runner")
+        self.note_fires()
+        self.browser.execute_script("""
+            for (const type of ['keydown', 'keyup'])
+                window.dispatchEvent(new KeyboardEvent(type, { code: 'Space', bubbles: true }));""")
+        self.until(lambda: self.text("player") == "You play")
+        self.until(lambda: self.browser.execute_script("return fires.includes(true) && !fires.at(-1)"))
+
+    def note_fires(self):
+        """From now on the page's `fires` has for each change of the numbers whether they said that fire is pressed."""
+        self.browser.execute_script("""
+            const numbers = document.getElementById('numbers');
+            window.fires = [];
+            new MutationObserver(() => fires.push(numbers.textContent.includes('fire 1.00')))
+                .observe(numbers, { childList: true, characterData: true, subtree: true });""")
 
     def test_a_hand_is_seen_while_the_game_waits(self):
         self.open()

@@ -1,5 +1,6 @@
-// Plays a policy greedily in its environment and prints every agent step as JSON: web_trace POLICY STEPS SEED
-// [CHANGE...] The page plays the same actions and is held to what is printed here (tests/web/test_page.py).
+// web_trace POLICY STEPS SEED [CHANGE...]
+// Plays a policy greedily in its environment and prints every agent step as JSON. The page plays the same
+// actions and is held to what is printed here (tests/web/test_page.py).
 #include <zlib.h>
 
 #include <cstdint>
@@ -51,8 +52,7 @@ void play(const std::string& file, int steps, std::uint64_t seed, const std::str
         const auto& stick = decision.stick;
         print("stick", std::vector{stick.radius, stick.theta, stick.fire});
         const auto result = env.step(stick, frame);
-        if (result.terminal || result.truncated) stack.clear(0);
-        stack.push(0, frame);
+        stack.follow(0, result, frame);
         over = result.episode_over;
         env.screen_rgb(screen);
         std::printf(

@@ -21,9 +21,11 @@ export function isUsed(gamepad) {
 export class Hand {
     taken = false;
     #keys = new Set();    // held down; two may do the same
+    #tapped = new Set();  // pressed since the last decision, held still or not
     #reach = 1;
     #pointer = null;      // {x, y}, where it holds the stick
     #pointerFires = false;
+    #pointerFired = false;  // since the last decision
     #ignored = { stick: false, fire: false };  // what a pointer still held when the hand gave back
     #source = 'keys';     // of the stick: 'keys' or 'pad'; a pointer goes before either
     #pad = { x: 0, y: 0, fire: false, start: false };
@@ -54,8 +56,10 @@ export class Hand {
     /** Lets go of everything: what is released in another window is never heard of. */
     release() {
         this.#keys.clear();
+        this.#tapped.clear();
         this.#pointer = null;
         this.#pointerFires = false;
+        this.#pointerFired = false;
     }
 
     /** Handles a key by its `code`; `repeated` while it is held. Returns whether it is one of the joystick's. */
@@ -66,6 +70,7 @@ export class Hand {
             if (down) this.#keys.add(code);
             else this.#keys.delete(code);
             if (down && control !== 'half') this.take(control === 'fire' ? undefined : 'keys');
+            if (down && !repeated && this.taken) this.#tapped.add(code);
             return true;
         }
         const digit = /^(?:Digit|Numpad)(\d)$/.exec(code);
@@ -83,7 +88,9 @@ export class Hand {
     pointerFires(down) {
         if (!down) this.#ignored.fire = false;
         this.#pointerFires = down && !this.#ignored.fire;
-        if (this.#pointerFires) this.take();
+        if (!this.#pointerFires) return;
+        this.take();
+        this.#pointerFired = this.taken;
     }
 
     /** Reads a gamepad, if there is one. */
@@ -119,5 +126,18 @@ export class Hand {
         const far = Math.hypot(x, y) || 1;
         const reach = this.#holds('half') ? this.#reach / 2 : this.#reach;
         return actionAt(x / far * reach, y / far * reach, fire);
+    }
+
+    /** action() for the next decision: what was pressed and let go of since the last one counts in it, too. */
+    takeAction() {
+        const keys = this.#keys, pointerFires = this.#pointerFires;
+        this.#keys = new Set([...keys, ...this.#tapped]);
+        this.#pointerFires ||= this.#pointerFired;
+        const action = this.action();
+        this.#keys = keys;
+        this.#pointerFires = pointerFires;
+        this.#tapped.clear();
+        this.#pointerFired = false;
+        return action;
     }
 }

@@ -58,7 +58,7 @@ export class Player {
     }
 
     #decide() {
-        const action = this.#hand.taken ? this.#hand.action() : null;
+        const action = this.#hand.taken ? this.#hand.takeAction() : null;
         this.moment = action ? this.#session.stepByHand(action.radius, action.theta, action.fire) : this.#session.step();
         this.frame = 0;
         ++this.played;

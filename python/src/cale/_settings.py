@@ -41,7 +41,7 @@ def text_of(name: str, value: Any) -> str:
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, (int, np.integer)) for part in value):
         return "-".join(str(part) for part in value)
     if isinstance(value, (tuple, list)) and value and all(isinstance(part, str) for part in value):
-        return ",".join(value)
+        return require_utf8(name, ",".join(value))
     raise TypeError(f"{name} is a {type(value).__name__}, which is no value of a setting")
 
 
