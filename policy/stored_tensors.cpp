@@ -9,6 +9,7 @@
 #include <limits>
 #include <stdexcept>
 #include <system_error>
+#include <tuple>
 #include <utility>
 
 #include "cale/text.h"
@@ -113,7 +114,9 @@ std::map<std::string, std::string> parse_metadata(std::string_view description) 
 
 /// Together the tensors must be the data, each byte once.
 void check_layout(std::vector<Entry> entries, std::size_t data_size) {
-    std::ranges::sort(entries, {}, [](const Entry& entry) { return std::pair(entry.begin, entry.end); });
+    std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+        return std::tie(a.begin, a.end) < std::tie(b.begin, b.end);
+    });
     std::size_t position = 0;
     for (const auto& entry : entries) {
         if (entry.begin != position) {
