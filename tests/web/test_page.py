@@ -302,7 +302,7 @@ class Page(unittest.TestCase):
         self.note_fires()
         self.browser.execute_script("""
             for (const type of ['keydown', 'keyup'])
-                window.dispatchEvent(new KeyboardEvent(type, { code: 'Space', bubbles: true }));""")
+                document.body.dispatchEvent(new KeyboardEvent(type, { code: 'Space', key: ' ', bubbles: true }));""")
         self.until(lambda: self.text("player") == "You play")
         self.until(lambda: self.browser.execute_script("return fires.includes(true) && !fires.at(-1)"))
 
