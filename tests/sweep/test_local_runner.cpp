@@ -39,6 +39,7 @@ class LocalSweep : public testing::Test {
         const pid_t sweep = ::fork();
         if (sweep == 0) {
             ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that fails leaves nothing behind
+            ::signal(SIGHUP, SIG_DFL);           // under nohup it is ignored
             ::_exit(run(runs, 2, 1, said));
         }
         return sweep;
