@@ -41,9 +41,9 @@ std::string listed(std::vector<std::string> names) {
 /// `file`, such as configs/sac/200m.yaml, among what came with the program: in its source tree, or in
 /// share/cale. Empty if it is not there.
 std::string shipped(const fs::path& file) {
+    if (file.is_absolute() || !file.has_parent_path()) return "";
     std::error_code ignored;
     const auto program = fs::read_symlink("/proc/self/exe", ignored);
-    if (file.is_absolute() || !file.has_parent_path()) return "";
     for (auto folder = program.parent_path(); folder != folder.parent_path(); folder = folder.parent_path()) {
         for (const auto& found : {folder / file, folder / "share/cale" / file})
             if (fs::is_regular_file(found, ignored)) return found.string();

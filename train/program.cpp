@@ -558,10 +558,11 @@ TrainOptions train_options(const TrainingProgram& program, const CommandLine& li
     return options;
 }
 
-/// Of the settings that name a folder: a run may be resumed in another one than it began in.
-void make_absolute(const ConfigTable& table, std::string_view key) {
-    if (!table.has(key)) return;
-    const auto& setting = table.at(key);
+/// A run may be resumed in another folder than the one that its folder of ROMs was relative to.
+void make_rom_dir_absolute(const ConfigTable& table) {
+    constexpr std::string_view kKey = "env.rom_dir";
+    if (!table.has(kKey)) return;  // another world than the console's
+    const auto& setting = table.at(kKey);
     if (const auto folder = setting.get(); !folder.empty()) setting.set(fs::absolute(folder).string());
 }
 
@@ -579,7 +580,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     }
 
     prepare_process_for_training();
-    make_absolute(program.table, "env.rom_dir");
+    make_rom_dir_absolute(program.table);
     const TrainingWorld world = make_world(program);
     const auto process = find_rank(program, world);
     const torch::Device device = choose_device(line.device, process);

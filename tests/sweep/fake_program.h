@@ -32,7 +32,7 @@ class FakeProgram {
     std::vector<cale::PlannedRun> runs(const std::vector<std::string>& modes) const;
     /// Lets the slow ones finish.
     void go() const { folder_.write("go", ""); }
-    /// Whether a slow run would end at a checkpoint when it is told to stop.
+    /// Whether SIGINT and SIGTERM would end a slow run at a checkpoint by now.
     bool ready(const std::string& run) const { return std::filesystem::exists(path() / ("ready_" + run)); }
 
     std::filesystem::path path() const { return folder_.path(); }

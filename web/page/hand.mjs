@@ -111,31 +111,28 @@ export class Hand {
         if (this.#pad.start && !before.start) this.giveBack();
     }
 
-    #holds(control) {
-        return Number([...this.#keys].some((code) => directions[code] === control));
-    }
-
     /** Returns (r, theta, fire); opposite keys cancel out. */
-    action() {
+    #actionOf(keys, pointerFires) {
+        const holds = (control) => Number([...keys].some((code) => directions[code] === control));
         const pad = this.#source === 'pad';
-        const fire = this.#holds('fire') || this.#pointerFires || (pad && this.#pad.fire) ? 1 : 0;
+        const fire = holds('fire') || pointerFires || (pad && this.#pad.fire) ? 1 : 0;
         if (this.#pointer) return actionAt(this.#pointer.x, this.#pointer.y, fire);
         if (pad) return actionAt(this.#pad.x, this.#pad.y, fire);
-        const x = this.#holds('right') - this.#holds('left');
-        const y = this.#holds('up') - this.#holds('down');
+        const x = holds('right') - holds('left');
+        const y = holds('up') - holds('down');
         const far = Math.hypot(x, y) || 1;
-        const reach = this.#holds('half') ? this.#reach / 2 : this.#reach;
+        const reach = holds('half') ? this.#reach / 2 : this.#reach;
         return actionAt(x / far * reach, y / far * reach, fire);
     }
 
-    /** action() for the next decision: what was pressed and let go of since the last one counts in it, too. */
+    /** The action of what is held now. */
+    action() {
+        return this.#actionOf(this.#keys, this.#pointerFires);
+    }
+
+    /** The action of the next decision, in which what was pressed and let go of since the last one counts, too. */
     takeAction() {
-        const keys = this.#keys, pointerFires = this.#pointerFires;
-        this.#keys = new Set([...keys, ...this.#tapped]);
-        this.#pointerFires ||= this.#pointerFired;
-        const action = this.action();
-        this.#keys = keys;
-        this.#pointerFires = pointerFires;
+        const action = this.#actionOf([...this.#keys, ...this.#tapped], this.#pointerFires || this.#pointerFired);
         this.#tapped.clear();
         this.#pointerFired = false;
         return action;
