@@ -191,7 +191,7 @@ class Reader {
 
 }  // namespace
 
-std::string joined(std::initializer_list<std::string_view> parts) {
+std::string concatenated(std::initializer_list<std::string_view> parts) {
     std::string text;
     for (const auto part : parts) text += part;
     return text;

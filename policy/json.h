@@ -14,12 +14,12 @@
 namespace cale {
 
 /// Returns the concatenated parts.
-std::string joined(std::initializer_list<std::string_view> parts);
+std::string concatenated(std::initializer_list<std::string_view> parts);
 
 /// An error in a file, one sentence without the file's name.
 struct FileDamage : std::runtime_error {
     explicit FileDamage(const std::string& sentence) : std::runtime_error(sentence) {}
-    explicit FileDamage(std::initializer_list<std::string_view> parts) : FileDamage(joined(parts)) {}
+    explicit FileDamage(std::initializer_list<std::string_view> parts) : FileDamage(concatenated(parts)) {}
 };
 
 /// Throws FileDamage that calls the text "its header" for anything but one JSON value in UTF-8 without names

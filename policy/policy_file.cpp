@@ -87,7 +87,8 @@ std::vector<float> numbers_of(const StoredTensors& stored, const NamedShape& exp
     const auto& tensor = found->second;
     if (tensor.type != expected.type || tensor.shape != expected.shape) {
         const auto text = [](ElementType type, const std::vector<std::int64_t>& shape) {
-            return joined({kElementTypes.at(static_cast<std::size_t>(type)).name, " ", text_of_shape(shape)});
+            return concatenated(
+                {kElementTypes.at(static_cast<std::size_t>(type)).name, " ", text_of_shape(shape)});
         };
         throw FileDamage({"tensor '", expected.name, "' is ", text(tensor.type, tensor.shape),
                           ": its network needs ", text(expected.type, expected.shape)});
@@ -157,7 +158,7 @@ std::map<std::string, std::string> policy_file_texts(const PolicyFile& policy) {
     texts.emplace(kFormat, texts.contains("joystick") ? kVersion : kVersionOfPolar);
     for (const auto& [key, text] : policy.info.provenance) {
         if (key == kChecksum || key == "joystick" || !texts.emplace(key, text).second)
-            throw std::invalid_argument(joined({"provenance cannot be called '", key, "'"}));
+            throw std::invalid_argument(concatenated({"provenance cannot be called '", key, "'"}));
     }
     return texts;
 }

@@ -27,8 +27,8 @@ Number take_number(Texts& texts, std::string_view key, Number low, Number high, 
     // Written so that NaN, which compares false to everything, is refused too.
     if (!number || !(*number >= low && *number <= high)) {
         refuse(key, text,
-               joined({what, " from ", number_text(static_cast<double>(low)), " to ",
-                       number_text(static_cast<double>(high))}));
+               concatenated({what, " from ", number_text(static_cast<double>(low)), " to ",
+                             number_text(static_cast<double>(high))}));
     }
     return *number;
 }
@@ -45,7 +45,7 @@ std::string take_choice(Texts& texts, std::string_view key, std::span<const std:
     auto text = take_text(texts, key);
     if (std::ranges::find(allowed, text) != allowed.end()) return text;
     std::string names;
-    for (const auto name : allowed) names = joined({names, names.empty() ? "one of " : ", ", name});
+    for (const auto name : allowed) names = concatenated({names, names.empty() ? "one of " : ", ", name});
     refuse(key, text, names);
 }
 
@@ -67,7 +67,8 @@ namespace {
 
 std::string list_of(const std::vector<Event>& actions) {
     std::string text;
-    for (const auto action : actions) text = joined({text, text.empty() ? "" : " ", event_name(action)});
+    for (const auto action : actions)
+        text = concatenated({text, text.empty() ? "" : " ", event_name(action)});
     return text;
 }
 

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <future>
 #include <iterator>
 #include <numeric>
 #include <stdexcept>
-#include <thread>
 
 #include "cale/cores.h"
 #include "cale/seeds.h"
@@ -90,16 +90,18 @@ void resample(Draws draws, const Scores& strata, std::vector<std::uint32_t>& cou
     }
 }
 
-/// Runs work(begin, end) on parts of [0, count), each on a thread of its own.
+/// Runs work(begin, end) on parts of [0, count), each on a thread of its own. Throws what one of them throws.
 void in_parallel(std::int64_t count, int threads,
                  const std::function<void(std::int64_t, std::int64_t)>& work) {
     constexpr std::int64_t kWorthAThread = 2'000;
     const std::int64_t wanted = threads > 0 ? threads : core_count();
     const auto parts = std::clamp<std::int64_t>(count / kWorthAThread, 1, wanted);
-    std::vector<std::jthread> workers;
+    std::vector<std::future<void>> workers;
     for (std::int64_t part = 1; part < parts; ++part)
-        workers.emplace_back(work, count * part / parts, count * (part + 1) / parts);
+        workers.push_back(
+            std::async(std::launch::async, work, count * part / parts, count * (part + 1) / parts));
     work(0, count / parts);
+    for (auto& worker : workers) worker.get();
 }
 
 /// `statistic` writes its `width` values for the runs of a resample, given as Counts: how often each score is

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <string_view>
@@ -149,9 +150,8 @@ std::string figure_section(const Comparison& comparison, const Figure& figure, b
         html += fmt::format("<div class=\"card\">{}</div>\n", inline_svg(figure.picture, with_data));
     }
     std::vector<std::string> files{figure.name + ".svg", figure.name + ".png", figure.name + ".csv"};
-    const bool is_table = figure.name == "aggregates" || figure.name == "game_scores" ||
-                          figure.name == "probability_of_improvement";
-    if (is_table) files.insert(files.end(), {figure.name + ".tex", figure.name + ".md"});
+    if (std::ranges::find(kFiguresWithTable, figure.name) != kFiguresWithTable.end())
+        files.insert(files.end(), {figure.name + ".tex", figure.name + ".md"});
     html += file_links(files);
     if (figure.name == "aggregates")
         html += html_table(aggregate_table(comparison), comparison.has_interval_of_aggregates()

@@ -46,8 +46,7 @@ std::vector<std::string> file_names() {
     for (const auto* figure :
          {"sample_efficiency", "performance_profiles", "game_curves", "events", "zones", "rewards"})
         add(figure, {".csv", ".svg", ".png"});
-    for (const auto* both : {"aggregates", "probability_of_improvement", "game_scores"})
-        add(both, {".csv", ".tex", ".md", ".svg", ".png"});
+    for (const auto both : kFiguresWithTable) add(both, {".csv", ".tex", ".md", ".svg", ".png"});
     return names;
 }
 

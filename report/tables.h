@@ -1,8 +1,10 @@
 // The tables of a report: for readers, and as CSV for other programs.
 #pragma once
 
+#include <array>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "report/comparison.h"
@@ -63,8 +65,11 @@ struct TextFile {
 /// has nothing for are left out. Where there is no interval, its cells are empty.
 std::vector<TextFile> csv_files(const Comparison& comparison);
 
-/// The tables for a paper (.tex) and for a page (.md): setup, settings, aggregates,
-/// probability_of_improvement, game_scores.
+/// The figures that have a table, too.
+inline constexpr std::array<std::string_view, 3> kFiguresWithTable{"aggregates", "probability_of_improvement",
+                                                                   "game_scores"};
+
+/// The tables for a paper (.tex) and for a page (.md): setup, settings, and those of kFiguresWithTable.
 std::vector<TextFile> table_files(const Comparison& comparison);
 
 }  // namespace cale

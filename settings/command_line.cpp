@@ -144,7 +144,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
                                      {"-h,--help", &arguments.help}})
         app.add_flag(name, *flag)->disable_flag_override();
     for (const auto& option : kOptions) {
-        if (option.key.empty() || !table.has(option.key)) continue;
+        if (option.key.empty() || !is_offered(option, table)) continue;
         app.add_option_function<std::string>(std::string(option.name),
                                              [&arguments, &option](const std::string& value) {
                                                  arguments.shortcuts.emplace_back(option, value);

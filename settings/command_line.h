@@ -34,7 +34,7 @@ std::vector<TrainOption> train_options(const ConfigTable& table);
 /// What the command line of a training program says.
 struct CommandLine {
     std::string config_file;             // empty: the defaults alone
-    std::vector<std::string> overrides;  // KEY=VALUE as given, in order
+    std::vector<std::string> overrides;  // KEY=VALUE: those of --set, then the plain ones, each in order
     std::string run_dir;                 // empty: the program chooses one
     bool resume = false;
     bool accept_changes = false;   // resume although settings differ

@@ -69,7 +69,7 @@ void export_file(const Options& options) {
         options.format.empty() ? lower(output.extension().string()) == ".onnx" : options.format == "onnx";
     const auto write = onnx ? export_onnx : export_policy;
     const auto info = write(options.from, output);
-    fmt::print("{}: {}; {:.1f} MB\n", options.output, description(info),
+    fmt::print("{}: {}; {:.1f} MB\n", printable(options.output), description(info),
                static_cast<double>(fs::file_size(output)) / 1e6);
 }
 

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "cale/games.h"
+#include "cale/text.h"
 #include "evaluate/policy_evaluation.h"
 #include "play/session.h"
 #include "play/window.h"
@@ -229,7 +230,7 @@ int run(const Options& options) {
                        .c_str(),
                    stdout);
     }
-    if (film.is_filmed()) std::fputs(fmt::format("{}\n", film.path.string()).c_str(), stdout);
+    if (film.is_filmed()) std::fputs(fmt::format("{}\n", printable(film.path.string())).c_str(), stdout);
     if (!stop_requested()) return kDone;
     std::fputs(fmt::format("cale play: ended by {} before the game did\n", stop_signal()).c_str(), stderr);
     return kInterrupted;

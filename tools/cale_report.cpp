@@ -222,7 +222,7 @@ void report(Options options) {
             fmt::print("  and {} more: report.html has all\n", note.items.size() - shown);
     }
     fmt::print("{}, and beside it {} figures and tables (.svg, .png, .csv, .tex, .md)\n",
-               files.front().string(), files.size() - 1);
+               printable(files.front().string()), files.size() - 1);
     if (options.strict && !comparison.is_complete())
         throw std::runtime_error(
             "--strict: the grid of the runs is not complete: the notes above name the runs that are missing, "

@@ -293,8 +293,8 @@ Outcome Recorder::finish() {
     }
     if (files_) {
         files_->checkpoints.finish();
-        files_->console.finish(files_->reported,
-                               fmt::format("{}Results: {}", closing_line(), options_.run_dir.string()));
+        files_->console.finish(files_->reported, fmt::format("{}Results: {}", closing_line(),
+                                                             printable(options_.run_dir.string())));
     }
     return Outcome::finished;
 }

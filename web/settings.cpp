@@ -28,11 +28,6 @@ SettingField setting_called(std::string_view name, EnvConfig& env) {
     return *setting;
 }
 
-void set(EnvConfig& env, std::string_view name, std::string_view text) {
-    const auto setting = setting_called(name, env);
-    read_setting(name, setting.range, text, setting.member);
-}
-
 /// A configuration has texts in quotes that a reader of YAML might take for something else: "pong,breakout".
 std::string_view unquoted(std::string_view text) {
     const bool quoted = text.size() >= 2 && text.front() == '"' && text.back() == '"';
@@ -71,7 +66,9 @@ void change(EnvConfig& env, std::string_view lines) {
     for (std::string_view line : split(lines, '\n')) {
         if (line.empty()) continue;
         const auto sign = std::min(line.find('='), line.size());
-        set(env, line.substr(0, sign), line.substr(std::min(sign + 1, line.size())));
+        const auto name = line.substr(0, sign);
+        const auto setting = setting_called(name, env);
+        read_setting(name, setting.range, line.substr(std::min(sign + 1, line.size())), setting.member);
     }
 }
 
