@@ -168,7 +168,7 @@ std::string to_png(const Picture& picture) {
 
 std::string escaped(std::string_view text) {
     std::string out;
-    for (const char c : text) {
+    for (const char c : printable(text)) {
         if (c == '&')
             out += "&amp;";
         else if (c == '<')
@@ -177,7 +177,7 @@ std::string escaped(std::string_view text) {
             out += "&gt;";
         else if (c == '"')
             out += "&quot;";
-        else if (static_cast<unsigned char>(c) >= 0x20)
+        else
             out += c;
     }
     return out;

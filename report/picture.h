@@ -105,7 +105,7 @@ struct Picture {
 /// About how wide `text` is drawn, rather more than less: fonts differ.
 double text_width(std::string_view text, double size, bool bold = false);
 
-/// Without what XML and HTML would take for mark-up, and without control characters below the space.
+/// printable(), without what XML and HTML would take for mark-up.
 std::string escaped(std::string_view text);
 
 /// "#rrggbb"

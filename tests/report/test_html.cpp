@@ -222,6 +222,12 @@ TEST_F(Html, AFileThatNoReportWritesStaysBesideEveryReport) {
     EXPECT_EQ(read(own), "a user's");
 }
 
+TEST_F(Html, AFolderWhoseNameIsNotUtf8IsEscaped) {
+    folders_.run("runs/caf\xe9\n", "sac", "Pong", 4, {});
+    const auto data = comparison();
+    EXPECT_THAT(to_html(data, figures(data), origin_), HasSubstr("runs/caf\\xe9\\x0a: "));
+}
+
 TEST_F(Html, AReportThatCannotBeWrittenLeavesTheEarlierOne) {
     const auto data = comparison();
     const auto folder = folders_.path() / "out";
