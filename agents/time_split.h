@@ -12,7 +12,8 @@ struct TimeSplit {
     double transfer = 0;     // batches on their way to the device
     double act = 0;          // actions chosen
     double update = 0;       // gradient steps
-    double log = 0;          // rows, checkpoints, evaluations
+    double log = 0;          // rows, checkpoints
+    double evaluation = 0;   // games of evaluations
 };
 
 /// Adds the seconds from its birth to its end to `seconds`.

@@ -10,7 +10,7 @@ namespace cale {
 void add_bench(CLI::App& app) {
     auto& command = *app.add_subcommand("bench",
                                         "Shows where a run spent its time: environment, replay, transfer to "
-                                        "the device, choosing actions, updates, logs.");
+                                        "the device, choosing actions, updates, evaluations, logs.");
     const auto run_dir = std::make_shared<std::string>();
     command.add_option("RUN", *run_dir, "the folder of a run, finished or under way")
         ->required()

@@ -236,8 +236,11 @@ void Recorder::after_step(std::int64_t before, std::vector<Episode>& ended) {
     if (passed(before, state_.step, log.every)) write_row(/*to_tensorboard=*/true);
     if (files_ && files_->console.due()) files_->console.draw(files_->progress_at(state_, train.total_steps));
     // In this order: a run that is killed in an evaluation repeats it.
-    if (passed(before, state_.step, eval.every) && state_.step < train.total_steps)
+    if (passed(before, state_.step, eval.every) && state_.step < train.total_steps) {
+        const double evaluated = time.evaluation;
         state_.evaluation_due = !run_evaluation();
+        time.log -= time.evaluation - evaluated;  // the caller times all of this as log
+    }
     if (checkpoint_due(before)) write_scheduled_checkpoint();
     if (files_) files_->checkpoints.check();
     stop_ = agreed_to_stop(together);
@@ -460,7 +463,11 @@ bool Recorder::run_evaluation() {
             .games = eval.episodes, .seed = derive_seed(seed, "evaluation at", state_.step), .video = video};
         if (interruptible) plan.stop = stop_requested;
         const EvaluationProgress progress(files_->console, plan, "evaluation", /*lines=*/false);
+        const double begun = files_->stopwatch.seconds();
         result = world_.evaluate(decide, plan);
+        const double played = files_->stopwatch.seconds() - begun;
+        time.evaluation += played;
+        files_->speed.seconds += played;  // it makes no agent steps of the run
         if (result.interrupted) {
             update_metrics();
             agent_.load_state(agent_before);

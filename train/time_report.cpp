@@ -42,6 +42,8 @@ std::string time_report(const std::filesystem::path& run_dir) {
     TimeSplit split;
     double timed_steps = 0;  // of the rows with times: a finished run that is resumed writes one without
     for (const auto& [name, part] : kTimeParts) {
+        // Runs from before 2026-12 have evaluations in their log's share.
+        if (name == "evaluation" && !columns.contains("time/evaluation")) continue;
         const auto& shares = column(fmt::format("time/{}", name));
         double before = 0, step_before = 0;
         timed_steps = 0;

@@ -12,12 +12,13 @@
 namespace cale {
 
 /// The parts of a TimeSplit by their names in progress.csv, "time/NAME".
-inline constexpr std::array<std::pair<std::string_view, double TimeSplit::*>, 6> kTimeParts{
+inline constexpr std::array<std::pair<std::string_view, double TimeSplit::*>, 7> kTimeParts{
     {{"environment", &TimeSplit::environment},
      {"replay", &TimeSplit::replay},
      {"transfer", &TimeSplit::transfer},
      {"act", &TimeSplit::act},
      {"update", &TimeSplit::update},
+     {"evaluation", &TimeSplit::evaluation},
      {"log", &TimeSplit::log}}};
 
 /// Returns the seconds of all parts.

@@ -549,6 +549,16 @@ TEST_F(TrainingEmulator, TheClockOfAResumedRunGoesOn) {
     EXPECT_TRUE(std::ranges::is_sorted(seconds)) << testing::PrintToString(seconds);
 }
 
+TEST_F(TrainingEmulator, AnEvaluationHasATimeOfItsOwn) {
+    ScribeAgent agent(1);
+    eval.every = 85;
+    eval.video = false;
+    train(agent);
+    const auto columns = read_progress(folder.path() / "progress.csv");
+    EXPECT_THAT(columns.at("time/evaluation"), testing::Contains(testing::Gt(0)));
+    EXPECT_THAT(columns.at("time/log"), testing::Each(testing::Ge(0)));
+}
+
 /// A world in which nothing is seen.
 class BlankWorld : public World {
   public:
