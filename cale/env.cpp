@@ -195,8 +195,10 @@ bool reaches_every_event(const EnvConfig& config) {
 const Game& only_game(const EnvConfig& config) {
     const auto games = games_of(config.game);
     if (games.size() == 1) return *games.front();
-    throw std::invalid_argument("env.game=" + config.game +
-                                " names several games, where one is played: name one of them");
+    throw std::invalid_argument(
+        "env.game=" + config.game +
+        " names several games, where one is played: name one of them, as in env.game=" +
+        std::string(games.front()->rom));
 }
 
 EnvConfig config_of(const EnvConfig& config, std::int64_t number) {
