@@ -44,10 +44,6 @@ constexpr TrainOption kOptions[] = {
     {"--help", "", "print this text, and leave"},
 };
 
-bool is_offered(const TrainOption& option, const ConfigTable& table) {
-    return option.key.empty() || table.has(option.key);
-}
-
 // ---- help ---------------------------------------------------------------------------
 
 std::string setting_text(const ConfigEntry& entry) {
@@ -143,10 +139,10 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
                                      {"--version", &arguments.version},
                                      {"-h,--help", &arguments.help}})
         app.add_flag(name, *flag)->disable_flag_override();
-    for (const auto& option : kOptions) {
-        if (option.key.empty() || !is_offered(option, table)) continue;
+    for (const auto& option : train_options(table)) {
+        if (option.key.empty()) continue;
         app.add_option_function<std::string>(std::string(option.name),
-                                             [&arguments, &option](const std::string& value) {
+                                             [&arguments, option](const std::string& value) {
                                                  arguments.shortcuts.emplace_back(option, value);
                                              });
     }
@@ -326,7 +322,7 @@ std::string version_text(std::string_view program) {
 std::vector<TrainOption> train_options(const ConfigTable& table) {
     std::vector<TrainOption> options;
     for (const auto& option : kOptions) {
-        if (is_offered(option, table)) options.push_back(option);
+        if (option.key.empty() || table.has(option.key)) options.push_back(option);
     }
     return options;
 }

@@ -40,22 +40,20 @@ std::string time_report(const std::filesystem::path& run_dir) {
         throw std::runtime_error(
             fmt::format("{} is damaged: a row without steps or seconds; remove it", path.string()));
     TimeSplit split;
-    double timed_steps = 0;  // of the rows with times: a finished run that is resumed writes one without
     for (const auto& [name, part] : kTimeParts) {
         // Runs from before 2026-12 have evaluations in their log's share.
         if (name == "evaluation" && !columns.contains("time/evaluation")) continue;
         const auto& shares = column(fmt::format("time/{}", name));
-        double before = 0, step_before = 0;
-        timed_steps = 0;
+        double before = 0;
         for (std::size_t row = 0; row < shares.size(); ++row) {
-            if (!std::isnan(shares[row])) {
-                split.*part += shares[row] * (seconds[row] - before);
-                timed_steps += step_of[row] - step_before;
-            }
+            if (!std::isnan(shares[row])) split.*part += shares[row] * (seconds[row] - before);
             before = seconds[row];
-            step_before = step_of[row];
         }
     }
+    double timed_steps = 0;  // of the rows with times: a finished run that is resumed writes one without
+    const auto& logged = column("time/log");
+    for (std::size_t row = 0; row < logged.size(); ++row)
+        if (!std::isnan(logged[row])) timed_steps += step_of[row] - (row > 0 ? step_of[row - 1] : 0);
     if (timed_steps == 0)
         throw std::runtime_error(
             fmt::format("{} has no row with times: the run was resumed after its end", path.string()));
