@@ -17,6 +17,7 @@
 
 #include "cale/fields.h"
 #include "cale/text.h"
+#include "storage/run_lock.h"
 #include "sweep/child.h"
 #include "sweep/config_mismatch.h"
 #include "sweep/run_folder.h"
@@ -142,7 +143,13 @@ class LocalRunner {
     void start(Job& job) {
         const auto& planned = *job.planned;
         fs::create_directories(job.folder);
-        const auto claim = RunClaim::take(job.folder);
+        auto claim = RunClaim::take(job.folder);
+        std::optional<RunLock> lock;  // so that no program that is started by hand begins meanwhile
+        try {
+            if (claim) lock.emplace(job.folder);
+        } catch (const FolderTaken&) {
+            claim.reset();
+        }
         if (!claim) {
             if (!std::exchange(job.waits, true))
                 say("waits", job, "another process is training in its folder");
@@ -167,6 +174,7 @@ class LocalRunner {
         const RunPlace place{
             .folder = job.folder, .threads = options_.threads, .device = slots_[slot].device};
         job.log_begin = log_size(job.folder);
+        lock.reset();  // the program takes it
         job.process = start_child(command_of(planned, place, checkpoint.has_value()),
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();

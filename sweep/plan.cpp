@@ -264,7 +264,9 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
             return text != nullptr ? integer_in(*text) : 0;
         };
         next.end = {.total_steps = integer("train.total_steps"), .evaluates = integer("eval.episodes") > 0};
-        const auto stored = std::min(integer("agent.replay_capacity"), next.end.total_steps);
+        const auto* const capacity = planned_value(next, "agent.replay_capacity");
+        const auto stored =
+            std::min(capacity != nullptr ? if_integer(*capacity).value_or(0) : 0, next.end.total_steps);
         const auto* seen = planned_value(next, "env.obs");
         const auto frame = seen != nullptr && *seen == "ram" ? kRamSize : kFrameSize;
         next.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);

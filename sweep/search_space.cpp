@@ -48,13 +48,7 @@ std::string drawn(const NumberRange& range, std::mt19937_64& random) {
 
 /// 8, 1000 or 1e3, as an integer setting takes it.
 bool is_whole(const std::string& text) {
-    if (text.find('.') != text.npos) return false;
-    try {
-        static_cast<void>(integer_in(text));
-        return true;
-    } catch (const ConfigError&) {
-        return false;
-    }
+    return text.find('.') == text.npos && if_integer(text).has_value();
 }
 
 std::vector<Setting> draw(const SearchSpace& space, std::int64_t sample, int attempt) {

@@ -44,4 +44,12 @@ std::int64_t integer_in(const std::string& text) {
     return value;
 }
 
+std::optional<std::int64_t> if_integer(const std::string& text) {
+    try {
+        return integer_in(text);
+    } catch (const ConfigError&) {
+        return std::nullopt;
+    }
+}
+
 }  // namespace cale

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace cale {
@@ -15,5 +16,7 @@ bool same_value(const std::string& a, const std::string& b);
 
 /// As the training programs read an integer. Throws ConfigError.
 std::int64_t integer_in(const std::string& text);
+/// The same; none for another value, which an agent of one's own may have under a name that others use.
+std::optional<std::int64_t> if_integer(const std::string& text);
 
 }  // namespace cale

@@ -220,9 +220,10 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
 
 bool makes_no_update(const PlannedRun& planned) {
     return std::ranges::any_of(kWaitsForUpdate, [&](const char* key) {
-        const auto* const first = planned_value(planned, key);
-        return first != nullptr && ends_before_first_update(static_cast<double>(integer_in(*first)),
-                                                            static_cast<double>(planned.end.total_steps));
+        const auto* const text = planned_value(planned, key);
+        const auto first = text != nullptr ? if_integer(*text) : std::nullopt;
+        return first && ends_before_first_update(static_cast<double>(*first),
+                                                 static_cast<double>(planned.end.total_steps));
     });
 }
 

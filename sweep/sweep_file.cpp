@@ -173,12 +173,8 @@ class Reader {
     }
 
     std::int64_t integer(const YAML::Node& node, std::int64_t low, std::int64_t high) const {
-        try {
-            const auto number = integer_in(word(node));
-            if (number >= low && number <= high) return number;
-        } catch (const ConfigError&) {
-            // The sentence below says it.
-        }
+        const auto number = if_integer(word(node));
+        if (number && *number >= low && *number <= high) return *number;
         fail(node, fmt::format("expected an integer, {} to {}, not '{}'", low, high, word(node)));
     }
 

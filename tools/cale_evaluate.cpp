@@ -187,8 +187,10 @@ int evaluate_policy(const Options& options, torch::Device device) {
                        .c_str(),
                    stderr);
     const EvaluationReport report = report_of(options, task, options.policy, evaluation);
-    write_evaluation_report(folder, report);
+    // First: on a full disk the games would have been played for nothing.
     std::fputs(evaluation_text(report).c_str(), stdout);
+    std::fflush(stdout);
+    write_evaluation_report(folder, report);
     std::fputs(fmt::format("{:<20}  {}\n", "written to", printable(folder.string())).c_str(), stdout);
     return evaluation.interrupted ? kInterrupted : kDone;
 }

@@ -30,6 +30,7 @@ constexpr const char* kReplayFile = "replay.zst";
 constexpr const char* kStateFile = "state.json";
 constexpr const char* kEventsFile = "joystick_events.csv";  // the run's, for people and reports
 constexpr const char* kPartial = ".partial";
+constexpr const char* kDamaged = ".damaged";
 constexpr const char* kBest = "best";
 
 constexpr const char* kEvaluation = "evaluation";
@@ -147,6 +148,17 @@ void publish(const fs::path& partial, const fs::path& folder) {
         fs::rename(partial, folder);
     }
     sync_name(folder);
+}
+
+/// Throws UnreadableNow for an error that is not, or may not be, the checkpoint's fault: one that is passed
+/// over is deleted.
+void require_damage(const std::exception& error, const fs::path& folder) {
+    const auto* system = dynamic_cast<const std::system_error*>(&error);
+    if (!is_out_of_memory(error) && (system == nullptr || is_missing(system->code()))) return;
+    throw UnreadableNow(
+        fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it away to resume from the "
+                    "one before",
+                    folder.string(), failure_sentence(error)));
 }
 
 /// What the folder holds, all of it as it was written.
@@ -282,6 +294,7 @@ void delete_other_checkpoints(const fs::path& run_dir, const fs::path& newest, c
     for (const auto& entry : fs::directory_iterator(run_dir / "checkpoints"))
         if (entry.path().extension() == kPartial) unfinished.push_back(entry.path());
     for (const auto& folder : unfinished) fs::remove_all(folder);
+    for (const auto& folder : named_by_step(run_dir / "checkpoints", kDamaged)) fs::remove_all(folder);
 }
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_dir) {
@@ -317,6 +330,27 @@ bool has_begun(const fs::path& run_dir) {
     return !list_checkpoints(run_dir).empty() || has_rows("episodes.csv", 2) || has_rows("progress.csv", 0);
 }
 
+std::optional<StoredCheckpoint> newest_whole_checkpoint(const fs::path& run_dir) {
+    const auto all = list_checkpoints(run_dir);
+    for (auto folder = all.rbegin(); folder != all.rend(); ++folder) {
+        try {
+            return verified(*folder);
+        } catch (const std::exception& error) {
+            require_damage(error, *folder);
+        }
+    }
+    return std::nullopt;
+}
+
+void set_aside_damaged(const fs::path& run_dir, const fs::path& resumed) {
+    const auto all = list_checkpoints(run_dir);
+    for (auto folder = std::ranges::find(all, resumed); folder != all.end() && ++folder != all.end();) {
+        const fs::path aside = folder->string() + kDamaged;
+        fs::remove_all(aside);
+        fs::rename(*folder, aside);
+    }
+}
+
 Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
                                   const std::function<void(const TensorMap&)>& restore_games) {
     const auto all = require_checkpoints(run_dir);
@@ -329,15 +363,8 @@ Checkpoint load_newest_checkpoint(const fs::path& run_dir, Agent& agent,
             checkpoint.state = load(checkpoint.stored, agent, restore_games);
             return checkpoint;
         } catch (const std::exception& error) {
+            require_damage(error, *folder);
             const auto why = failure_sentence(error);
-            const auto* system = dynamic_cast<const std::system_error*>(&error);
-            // Of these it is not, or may not be, the checkpoint's fault, and one that is passed over is
-            // deleted.
-            if (is_out_of_memory(error) || (system != nullptr && !is_missing(system->code())))
-                throw UnreadableNow(
-                    fmt::format("the checkpoint {} cannot be read now: {}; try again, or move it "
-                                "away to resume from the one before",
-                                folder->string(), why));
             if (is_whole || dynamic_cast<const OtherFormat*>(&error) != nullptr)
                 throw DoesNotFit(fmt::format("the checkpoint {} is not damaged, but does not fit: {}",
                                              folder->string(), why),

@@ -10,6 +10,7 @@
 //         config.yaml             the settings that it was trained with
 //         manifest.json           size and checksum of each of these
 //     <run>/checkpoints/best      a symbolic link to the best one, with train.keep_best
+//     <run>/checkpoints/step_000250000.damaged   one that a resume has passed over, until the next is written
 //
 // A folder appears under its name only when it is complete and on the disk.
 #pragma once
@@ -113,9 +114,9 @@ struct UnreadableNow : ResumeError {
 StoredCheckpoint write_checkpoint(const std::filesystem::path& run_dir, RunSnapshot snapshot,
                                   const StoredCheckpoint* last, const StoredCheckpoint* before_last);
 
-/// Deletes the checkpoints up to `newest` that are not kept, those after it (left by a resume from before a
-/// damaged checkpoint), and unfinished ones of killed runs. The decision depends only on what is on disk.
-/// With `retention.best` the link "best" is set to the best one.
+/// Deletes the checkpoints up to `newest` that are not kept, those after it, damaged ones that were set
+/// aside, and unfinished ones of killed runs. The decision depends only on what is on disk. With
+/// `retention.best` the link "best" is set to the best one.
 void delete_other_checkpoints(const std::filesystem::path& run_dir, const std::filesystem::path& newest,
                               const Retention& retention);
 
@@ -128,6 +129,14 @@ std::vector<std::filesystem::path> require_checkpoints(const std::filesystem::pa
 /// Returns whether the folder holds a run's checkpoint (the first is written before the first step) or
 /// anything else that a new run would destroy.
 bool has_begun(const std::filesystem::path& run_dir);
+
+/// Returns the newest checkpoint that is whole, which is the one that load_newest_checkpoint() takes; none
+/// where none is. Throws UnreadableNow.
+std::optional<StoredCheckpoint> newest_whole_checkpoint(const std::filesystem::path& run_dir);
+
+/// Renames the checkpoints after `resumed`, which are damaged, to step_N.damaged: neither the run's tables,
+/// which are cut back to `resumed`, nor its settings are compared with them any more.
+void set_aside_damaged(const std::filesystem::path& run_dir, const std::filesystem::path& resumed);
 
 /// Restores the agent, its replay (where the checkpoint holds it) and the games from the run's newest
 /// checkpoint that is whole. Every file is verified against the manifest before any is used. `restore_games`

@@ -164,7 +164,11 @@ void ProgressLog::write(const Report& report) {
 }
 
 void ProgressLog::add_columns(const std::vector<std::string>& unseen) {
+    const auto fixed = split(kProgressColumns, ',');
     for (const auto& name : unseen) {
+        if (std::ranges::find(fixed, name) != fixed.end())
+            throw std::invalid_argument(
+                fmt::format("the scalar '{}' cannot name a column: progress.csv has one of that name", name));
         if (name.find_first_of(",\"\n") != name.npos) {
             throw std::invalid_argument(fmt::format(
                 "the scalar '{}' cannot name a column: it has a comma, a quote or a line break", name));
@@ -190,6 +194,10 @@ std::map<std::string, std::vector<double>> read_progress(const std::filesystem::
         const auto cells = split(line, ',');
         if (names.empty()) {
             names = cells;
+            for (auto name = names.begin(); name != names.end(); ++name)
+                if (std::find(names.begin(), name, *name) != name)
+                    throw std::runtime_error(
+                        fmt::format("{}: two columns are called {:.100}", path.string(), *name));
             continue;
         }
         if (cells.size() != names.size())

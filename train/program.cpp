@@ -28,10 +28,10 @@
 #include "settings/shell_text.h"
 #include "storage/append_file.h"
 #include "storage/files.h"
-#include "storage/manifest.h"
 #include "storage/metadata_text.h"
 #include "storage/new_folder.h"
 #include "storage/run_lock.h"
+#include "storage/step_name.h"
 #include "terminal/console.h"
 #include "terminal/exit_code.h"
 #include "terminal/failure.h"
@@ -236,35 +236,25 @@ void lock_new_run(const fs::path& run_dir, std::optional<RunLock>& lock) {
     }
 }
 
-/// What differs from the settings that the run was trained with. Its newest checkpoint has them, whatever has
-/// been written into the run's config.yaml since.
-std::vector<ConfigDifference> changes_since(const TrainingProgram& program, const fs::path& run_dir) {
-    const auto checkpoints = list_checkpoints(run_dir);
-    for (auto folder = checkpoints.rbegin(); folder != checkpoints.rend(); ++folder) {
-        try {
-            // As it was written: what is lost from its end would be compared as defaults.
-            verify(*folder, {{"config.yaml", read_manifest(*folder).at("config.yaml")}});
-            return program.table.differences(*folder / "config.yaml");
-        } catch (const std::system_error&) {
-            throw;  // it cannot be read now
-        } catch (const std::exception&) {
-            // Damaged, or of another version: the one before is resumed from, or none.
-        }
+/// What differs from the settings that the run was trained with. The checkpoint that it is resumed from has
+/// them, whatever has been written into the run's config.yaml since; where none is whole, that is all there
+/// is.
+std::vector<ConfigDifference> changes_since(const TrainingProgram& program, const fs::path& run_dir,
+                                            const std::optional<StoredCheckpoint>& checkpoint) {
+    try {
+        if (checkpoint) return program.table.differences(checkpoint->folder / "config.yaml");
+    } catch (const std::system_error&) {
+        throw;  // it cannot be read now
+    } catch (const std::exception&) {
+        // Of another version.
     }
     return program.table.differences(run_dir / "config.yaml");
 }
 
-/// Whether an evaluation is to be played by other settings than the run's.
-bool evaluates_otherwise(const TrainingProgram& program, const fs::path& run_dir) {
-    return std::ranges::any_of(changes_since(program, run_dir), [](const auto& change) {
-        return change.key.starts_with("eval.") && change.key != "eval.every";
-    });
-}
-
 /// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
 /// train.total_steps.
-void check_length(const TrainingProgram& program, const fs::path& run_dir) {
-    const auto step = newest_checkpoint(run_dir).value_or(0);
+void check_length(const TrainingProgram& program, const fs::path& run_dir, const fs::path& checkpoint) {
+    const auto step = step_in(checkpoint).value_or(0);
     if (step - program.settings.train.total_steps >= program.num_envs) {
         throw ResumeError(fmt::format(
             "--resume {}: it is at agent step {} already, and train.total_steps is {}; let it be more",
@@ -290,19 +280,30 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     }
 }
 
-/// These changes, as a list for a sentence. Throws ResumeError unless all of them may be, or were accepted
-/// and do not make other games of those under way.
-std::string accepted_changes(const TrainingProgram& program, const fs::path& run_dir,
-                             const CommandLine& line) {
-    const auto newest = require_checkpoints(run_dir).back();
+/// How a run goes on otherwise than before.
+struct AcceptedChanges {
+    std::string different{};           // as a list for a sentence
+    bool evaluates_otherwise = false;  // an evaluation is to be played by other settings
+};
+
+/// Throws ResumeError unless all changes of its settings may be, or were accepted and do not make other games
+/// of those under way.
+AcceptedChanges accepted_changes(const TrainingProgram& program, const fs::path& run_dir,
+                                 const CommandLine& line) {
+    const auto all = require_checkpoints(run_dir);
+    const auto whole = newest_whole_checkpoint(run_dir);
+    const auto newest = whole ? whole->folder : all.back();
     const fs::path file = run_dir / "config.yaml";
     if (!fs::exists(file)) {
         throw ResumeError(fmt::format("--resume: {} is missing; copy {} there", file.string(),
                                       (newest / "config.yaml").string()));
     }
     if (line.config_file == file) require_whole_config(file, newest / "config.yaml");
-    std::string different, of_the_games, of_the_seed;
-    for (const auto& [key, now, before] : changes_since(program, run_dir)) {
+    AcceptedChanges changes;
+    auto& different = changes.different;
+    std::string of_the_games, of_the_seed;
+    for (const auto& [key, now, before] : changes_since(program, run_dir, whole)) {
+        if (key.starts_with("eval.") && key != "eval.every") changes.evaluates_otherwise = true;
         const auto change = change_of_run(key, before, now, program.schedule_over_run());
         if (change.empty()) continue;
         different += (different.empty() ? "" : ", ") + change;
@@ -333,8 +334,8 @@ std::string accepted_changes(const TrainingProgram& program, const fs::path& run
                         "environment: {}; start a new run",
                         run_dir.string(), of_the_games));
     }
-    check_length(program, run_dir);
-    return different;
+    check_length(program, run_dir, newest);
+    return changes;
 }
 
 /// Calls train() and records its end in metadata.json. Says how to resume a run that the machine stopped.
@@ -446,10 +447,10 @@ Facts header_of(const TrainingProgram& program, const TrainingWorld& world, cons
                                {"seed", fmt::format("{}", program.settings.train.seed)}});
     for (const auto* key : kWaitsForUpdate) {
         if (!program.table.has(key)) continue;
-        const auto first = std::stoll(program.table.at(key).get());
-        if (ends_before_first_update(static_cast<double>(first), static_cast<double>(steps)))
+        const auto first = number_in<std::int64_t>(program.table.at(key).get());
+        if (first && ends_before_first_update(static_cast<double>(*first), static_cast<double>(steps)))
             facts.emplace_back(
-                "updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(first)));
+                "updates", fmt::format("none: they begin after {} = {} transitions", key, grouped(*first)));
     }
     if (const auto& eval = program.settings.eval; eval.episodes > 0)
         facts.emplace_back(
@@ -540,16 +541,16 @@ void record_resumption(const TrainingProgram& program, const fs::path& run_dir, 
 
 /// Returns the options of train(), without its callbacks.
 TrainOptions train_options(const TrainingProgram& program, const CommandLine& line, const fs::path& run_dir,
-                           const ProcessGroup& processes, const std::string& changes, bool finished) {
+                           const ProcessGroup& processes, const AcceptedChanges& changes, bool finished) {
     TrainOptions options;
     options.run_dir = run_dir;
     options.processes = processes;
     options.learns_beside = program.learns_beside;
     options.resume = line.resume;
     options.until = line.until;
-    options.changed = !changes.empty();
+    options.changed = !changes.different.empty();
     options.finished = finished;
-    options.evaluates_otherwise = line.resume && evaluates_otherwise(program, run_dir);
+    options.evaluates_otherwise = changes.evaluates_otherwise;
     options.config = program.table.to_yaml();
     options.progress_bar = line.progress;
     options.agent_name = program.agent_name;
@@ -589,7 +590,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
 
     const ProcessGroup processes = join_processes(process, program, device);
     fs::path run_dir = choose_run_dir(line, program, world);
-    const std::string changes = line.resume ? accepted_changes(program, run_dir, line) : std::string();
+    const auto changes = line.resume ? accepted_changes(program, run_dir, line) : AcceptedChanges{};
     std::optional<RunLock> lock;  // before a session that is about to end writes what is read here
     if (line.resume && processes.first()) lock.emplace(run_dir);
     auto resumed = line.resume ? read_metadata(run_dir) : std::nullopt;
@@ -629,10 +630,10 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     TrainOptions options = train_options(program, line, run_dir, processes, changes, finished);
     options.checkpointed = [&] { metadata->write(); };
     options.resumed = [&](double trained_seconds) {
-        record_resumption(program, run_dir, session, changes, trained_seconds, *metadata);
+        record_resumption(program, run_dir, session, changes.different, trained_seconds, *metadata);
     };
     return train_for_exit_code(*agent, world, program.settings, options, metadata ? &*metadata : nullptr,
-                               changes);
+                               changes.different);
 }
 
 }  // namespace

@@ -206,6 +206,9 @@ bool Recorder::agreed_to_stop(bool together) const {
 void Recorder::begin() {
     if (resumed_ != nullptr && files_) {
         for (const auto& sentence : resumed_->passed_over) files_->console.message(sentence + ".");
+        if (!resumed_->passed_over.empty())
+            files_->console.message(
+                "Until the next checkpoint is written it is kept as checkpoints/step_*.damaged.");
         files_->console.message(fmt::format("Resumed at agent step {}.", state_.step));
         if (options_.resumed) options_.resumed(state_.seconds);
     }

@@ -56,6 +56,7 @@ Outcome train(Agent& agent, const TrainingWorld& world, const RunSettings& setti
             "the processes of this run do not begin at the same agent step (this one at {}), or do not "
             "have the same --until; give all of them the same command line and the same files",
             state.step));
+    if (resumed && options.processes.first()) set_aside_damaged(options.run_dir, resumed->stored.folder);
     Recorder recorder(agent, collector, state, world, settings, options, resumed ? &*resumed : nullptr);
     auto& time = recorder.time;
 

@@ -40,6 +40,8 @@ TEST(Settings, AreIntegersHoweverTheyAreWritten) {
     EXPECT_EQ(integer_in("2.5e3"), 2500);
     EXPECT_EQ(integer_in("50_000_000"), 50'000'000);
     EXPECT_THROW(integer_in("many"), ConfigError);
+    EXPECT_EQ(if_integer("1e3"), 1000);
+    EXPECT_EQ(if_integer("none"), std::nullopt);
 }
 
 }  // namespace

@@ -163,6 +163,27 @@ TEST_F(Checkpoints, WhateverFileIsDamagedTheOneBeforeIsTaken) {
     EXPECT_EQ(load().state.step, 110);
 }
 
+TEST_F(Checkpoints, ADamagedOneThatWasPassedOverCountsForNothing) {
+    retention = {.newest = 2};
+    CheckpointWriter begun{run, retention, std::nullopt};
+    write_by(begun, 100);
+    write_by(begun, 110);
+    damage(run / "checkpoints/step_000000110/games.safetensors");
+    EXPECT_EQ(newest_whole_checkpoint(run).value().folder.filename(), "step_000000100");
+
+    const auto checkpoint = load();
+    set_aside_damaged(run, checkpoint.stored.folder);
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{100}));
+    EXPECT_TRUE(fs::exists(run / "checkpoints/step_000000110.damaged/games.safetensors")) << "for now";
+    CheckpointWriter resumed{run, retention, checkpoint.stored};
+    write_by(resumed, 120);
+    EXPECT_EQ(steps_left(), (std::vector<std::int64_t>{100, 120})) << "it takes nobody's place";
+    EXPECT_FALSE(fs::exists(run / "checkpoints/step_000000110.damaged"));
+
+    for (const auto& folder : list_checkpoints(run)) damage(folder / "games.safetensors");
+    EXPECT_FALSE(newest_whole_checkpoint(run));
+}
+
 TEST_F(Checkpoints, ADamagedChunkIsNotCarriedOn) {
     const auto first = write_at(100), second = write_at(110);
     damage(first / "frames-000020.zst");

@@ -3,11 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -16,6 +16,7 @@
 
 #include "report/learning_curve.h"
 #include "storage/files.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -27,9 +28,6 @@ using ::testing::StrEq;
 
 class Log : public ::testing::Test {
   protected:
-    Log() { std::filesystem::create_directories(folder_); }
-    ~Log() override { std::filesystem::remove_all(folder_); }
-
     std::string text(const std::string& name) const {
         std::ifstream file(folder_ / name);
         return {std::istreambuf_iterator<char>(file), {}};
@@ -38,18 +36,12 @@ class Log : public ::testing::Test {
         std::ofstream(folder_ / name, std::ios::app) << more;
     }
 
-    std::filesystem::path folder_ =
-        std::filesystem::temp_directory_path() / ("cale-log-" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const std::filesystem::path& folder_ = temporary_.path();
 };
 
-template <class Action>
-std::string error_of(Action&& action) {
-    try {
-        action();
-    } catch (const std::runtime_error& error) {
-        return error.what();
-    }
-    return "no error";
+std::string error_of(const std::function<void()>& action) {
+    return test::error_of<std::runtime_error>(action);
 }
 
 const EpisodeLogHeader kRun{.env_id = "ALE/Pong-v5", .agent = "sac", .seed = 7};
@@ -258,6 +250,16 @@ TEST_F(Log, ProgressRefusesAFileWithFewerRows) {
 TEST_F(Log, ProgressRefusesNamesThatAreNoColumns) {
     ProgressLog log(folder_ / "progress.csv");
     EXPECT_THROW(log.write({.scalars = {{"a,b", 1}}}), std::invalid_argument);
+    EXPECT_EQ(test::error_of<std::invalid_argument>([&] {
+                  log.write({.scalars = {{"seconds", 1}}});
+              }),
+              "the scalar 'seconds' cannot name a column: progress.csv has one of that name");
+}
+
+TEST_F(Log, ProgressWithTwoColumnsOfOneNameIsRefused) {
+    const auto file = folder_ / "progress.csv";
+    std::ofstream(file) << "global_step,frame,seconds,steps_per_second,a,a\n1,4,1.000,1.00,1,2\n";
+    EXPECT_EQ(error_of([&] { read_progress(file); }), file.string() + ": two columns are called a");
 }
 
 TEST_F(Log, ADamagedTableIsToldInASentenceHoweverLongItsLines) {

@@ -36,6 +36,7 @@
 #include "storage/run_lock.h"
 #include "support/temporary_folder.h"
 #include "support/working_folder.h"
+#include "train/agent_file.h"
 #include "train/export.h"
 #include "train/log.h"
 
@@ -231,6 +232,25 @@ TEST(ProgramEmulator, AStoredReplayIsUsedAlsoWhereNoneIsStoredAnyMore) {
     EXPECT_FALSE(std::filesystem::exists(changed / last / "replay.zst"));
 }
 
+TEST(ProgramEmulator, WithoutItsReplayAResumedRunCollectsAnewBeforeItLearns) {
+    const TemporaryFolder folder;
+    const auto run = folder.path() / "run";
+    ASSERT_EQ(train_sac(small(run, {"agent.min_replay=20", "agent.batch_size=4", "agent.update_period=1",
+                                    "env.max_frames_per_episode=60", "train.total_steps=80",
+                                    "train.save_replay=false", "--until", "40"}))
+                  .code,
+              0);
+    const auto updates_by = [&](const char* step) {
+        return load_agent(run / "checkpoints" / step).at("adam/steps").item<float>();
+    };
+    EXPECT_FALSE(std::filesystem::exists(run / "checkpoints/step_000000040/replay.zst"));
+    const auto resumed = train_sac(resuming(run, 80, {}));
+    ASSERT_EQ(resumed.code, 0) << resumed.stderr_text;
+    const auto more = updates_by("step_000000080") - updates_by("step_000000040");
+    EXPECT_GT(more, 0);
+    EXPECT_LE(more, 20) << "in the first 20 of the 40 steps the replay fills again";
+}
+
 TEST(ProgramEmulator, MetadataSayWithWhatAndForHowLong) {
     const TemporaryFolder folder;
     ASSERT_EQ(train_sac(small(folder.path(), {"env.game=breakout", "--seed", "5"})).code, 0);
@@ -396,8 +416,8 @@ TEST(ProgramEmulator, TrainsBesideAConsoleThatDoesNotWait) {
     const auto answer = train_sac(small(run, settings));
     ASSERT_EQ(answer.code, 0) << answer.stderr_text;
     const auto progress = read_progress(run / "progress.csv");
-    EXPECT_GE(progress.at("realtime/missed_frames").back(), 0);
-    EXPECT_GE(progress.at("realtime/late_frames").back(), 0);
+    for (const auto* column : {"realtime/missed_frames", "realtime/late_frames"})
+        EXPECT_EQ(progress.at(column).size(), progress.at("frame").size()) << column;
     EXPECT_GE(progress.at("frame").back(), 4 * progress.at("global_step").back() - 3);
     // It begins a new game, and ends.
     const auto resumed = train_sac(resuming(run, 20, {}));
@@ -682,6 +702,24 @@ TEST(ProgramEmulator, ACheckpointWhoseConfigurationIsDamagedIsPassedOver) {
         EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
         EXPECT_THAT(resumed.stderr_text, testing::HasSubstr("Resumed at agent step 6"));
     }
+}
+
+TEST(ProgramEmulator, SettingsAreComparedWithThoseOfTheCheckpointThatIsResumedFrom) {
+    const TemporaryFolder folder;
+    const auto run = folder.path();
+    ASSERT_EQ(train_sac(small(run, {"train.checkpoint_every=6"})).code, 0);
+    // The newest checkpoint is written again, with the change.
+    ASSERT_EQ(train_sac(resuming(run, 12, {"--accept-changes", "agent.learning_rate=0.5"})).code, 0);
+    std::filesystem::resize_file(run / "checkpoints/step_000000012/games.safetensors", 20);
+    const auto resumed = train_sac(resuming(run, 12, {}));
+    EXPECT_EQ(resumed.code, 0) << resumed.stderr_text;
+    EXPECT_THAT(resumed.stderr_text, testing::HasSubstr("changed in mid-run: agent.learning_rate was "))
+        << "of steps 7 to 12, which are trained again";
+    EXPECT_THAT(resumed.stderr_text, testing::HasSubstr("Resumed at agent step 6"));
+
+    std::filesystem::resize_file(run / "checkpoints/step_000000012/games.safetensors", 20);
+    const auto shorter = train_sac(resuming(run, 8, {}));
+    EXPECT_EQ(shorter.code, 0) << "it is at step 6: " << shorter.stderr_text;
 }
 
 TEST(ProgramEmulator, ResumesAnotherConfigurationOnlyWhenToldTo) {
@@ -1070,6 +1108,49 @@ TEST(CaleProgram, MistakesAreOneSentenceAndExitCode2) {
         EXPECT_EQ(said.text, sentence + "\n");
         EXPECT_EQ(said.code, 2) << words;
     }
+}
+
+TEST(CaleProgram, AnEvaluationChoosesItsActionsAsItIsTold) {
+    const TemporaryFolder folder;
+    ASSERT_EQ(train("ppo", make_ppo, small_ppo(folder.path() / "ppo")).code, 0);
+    ASSERT_EQ(train_sac(small(folder.path() / "sac")).code, 0);
+    // With neither sticky actions nor no-ops a game depends on what the policy chooses alone.
+    const auto events = [&](const std::string& out, const std::string& words) {
+        const auto said = cale_says("evaluate " + words +
+                                        " --episodes 1 --noop-max 0 --set env.sticky_probability=0 --set "
+                                        "env.max_frames_per_episode=80 --out " +
+                                        out,
+                                    folder.path());
+        EXPECT_EQ(said.code, 0) << said.text;
+        return folder.read(out + "/evaluation_events.csv");
+    };
+    const auto choice = [&](const std::string& out) {
+        return nlohmann::json::parse(folder.read(out + "/evaluation.json")).at("choice");
+    };
+    const auto own = events("own", "ppo --epsilon 0");
+    EXPECT_EQ(choice("own"), "sampled");
+    EXPECT_EQ(events("sampled", "ppo --epsilon 0 --sampled"), own);
+    EXPECT_NE(events("other_seed", "ppo --epsilon 0 --seed 2"), own);
+    const auto greedy = events("greedy", "ppo --epsilon 0 --greedy");
+    EXPECT_EQ(choice("greedy"), "greedy");
+    EXPECT_EQ(events("greedy_other_seed", "ppo --epsilon 0 --greedy --seed 2"), greedy);
+    EXPECT_NE(events("random", "ppo --epsilon 1 --greedy"), greedy);
+    events("sac", "sac --epsilon 0");
+    EXPECT_EQ(choice("sac"), "greedy");
+    events("sac_sampled", "sac --epsilon 0 --sampled");
+    EXPECT_EQ(choice("sac_sampled"), "sampled");
+}
+
+TEST(CaleProgram, AnEvaluationThatCannotBeWrittenIsShown) {
+    const TemporaryFolder folder;
+    const auto command = fmt::format(
+        "cd '{}' && ulimit -f 0 && {}/cale evaluate {}/policies/boxing_sac.safetensors --episodes 1 --set "
+        "env.max_frames_per_episode=40 --out games 2>&1 | cat",
+        folder.path().string(), CALE_BINARY_DIR, CALE_SOURCE_DIR);
+    const auto said = shell_says(command).text;
+    EXPECT_THAT(said, testing::HasSubstr("return, mean"));
+    EXPECT_THAT(said, testing::HasSubstr("File too large"));
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "games"));
 }
 
 TEST(CaleProgram, APolicySeesLostLivesAsInItsTrainingWhateverIsSet) {
@@ -1492,6 +1573,7 @@ TEST(CaleEmulator, AKilledEvaluationOfRunsContinuesInMidRun) {
         return games;
     };
     EXPECT_GE(games_in(before), 1) << before;
+    EXPECT_LT(games_in(before), 6) << "it was killed too late";
     EXPECT_LE(games_in(before) + games_in(after.text), 6) << "none is played twice\n" << before << after.text;
     const auto tables = [&](const char* runs) {
         std::map<std::string, std::string> files;
