@@ -166,6 +166,16 @@ torch::Tensor NetworkCase::discount() const {
     return hyper("cumulative_gamma") * (1 - input("terminal"));
 }
 
+cale::Batch NetworkCase::batch() const {
+    cale::Batch made;
+    made.observation = observations(file, "obs", batch_size);
+    made.next_observation = observations(file, "next_obs", batch_size);
+    made.action = actions();
+    made.n_step_return = input("reward");
+    made.discount = discount();
+    return made;
+}
+
 void NetworkCase::expect(const torch::Tensor& actual, const YAML::Node& node, const std::string& key,
                          double relative) const {
     expect_close(actual, tensor(node[key]), relative, key);

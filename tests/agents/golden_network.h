@@ -15,6 +15,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "networks/adam.h"
+#include "replay/replay.h"
 
 namespace golden {
 
@@ -71,6 +72,7 @@ struct NetworkCase {
     torch::Tensor input(const std::string& key) const;
     torch::Tensor actions() const;  // of `inputs`, int64; checked against the hash
     torch::Tensor discount() const;
+    cale::Batch batch() const;  // of discrete actions
 
     void expect(const torch::Tensor& actual, const YAML::Node& node, const std::string& key,
                 double tolerance) const;

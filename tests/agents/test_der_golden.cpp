@@ -44,16 +44,6 @@ struct Case : golden::NetworkCase {
         return made;
     }
 
-    Batch batch() const {
-        Batch made;
-        made.observation = golden::observations(file, "obs", batch_size);
-        made.next_observation = golden::observations(file, "next_obs", batch_size);
-        made.action = actions();
-        made.n_step_return = input("reward");
-        made.discount = discount();
-        return made;
-    }
-
     /// The normal numbers that the README derives from the hash, checked against the file's echo.
     torch::Tensor normal(const std::string& stream, std::int64_t size) const {
         const auto u1 = golden::uniforms(name, stream + ".u1", {size});

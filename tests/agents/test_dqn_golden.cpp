@@ -30,16 +30,6 @@ struct Case : golden::NetworkCase {
         made->to(device, dtype);
         return made;
     }
-
-    Batch batch() const {
-        Batch made;
-        made.observation = golden::observations(file, "obs", batch_size);
-        made.next_observation = golden::observations(file, "next_obs", batch_size);
-        made.action = actions();
-        made.n_step_return = input("reward");
-        made.discount = discount();
-        return made;
-    }
 };
 
 class DqnGolden : public ::testing::TestWithParam<golden::FileAndType> {

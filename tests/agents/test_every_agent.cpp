@@ -644,7 +644,14 @@ TEST_P(ActorCritic, StepsItsActorAtEveryThirdGradientStepAlone) {
         const auto before = agent->state();
         EXPECT_EQ(drive(*agent, spec, step, 1), 1);
         const bool steps_actor = gradient_steps_of(*agent) % 3 == 0;
-        for (const auto& [name, tensor] : agent->state()) {
+        const auto after = agent->state();
+        for (const auto& [name, tensor] : after) {
+            if (name.starts_with("target/")) {
+                const auto& old = before.at(name);
+                const auto towards = after.at("network/" + name.substr(std::string("target/").size()));
+                EXPECT_TRUE(torch::allclose(tensor, old + SacConfig{}.tau * (towards - old), 1e-5, 1e-7))
+                    << name << " follows at every gradient step";
+            }
             if (!name.starts_with("network/") && name != "log_alpha") continue;
             EXPECT_EQ(torch::equal(tensor, before.at(name)), is_of_actor(name) && !steps_actor)
                 << name << " at gradient step " << gradient_steps_of(*agent);
@@ -807,6 +814,20 @@ TEST_P(HardTarget, IsCopiedAtMultiplesOfItsPeriodOnceWarm) {
 }
 
 // Agents whose target follows slowly --------------------------------------------------
+
+TEST(EvaluationEpsilon, IsWithoutEffectWhereThePolicyExplores) {
+    const auto expect_none = [](auto config, auto make, const AgentSpec& spec) {
+        config.exploration = Exploration::standard;
+        config.epsilon.epsilon_eval = 1;
+        const auto agent = make(config, spec);
+        EXPECT_EQ(agent->policy()->epsilon, 0);
+        return agent->act(same_frame(200), ActMode::evaluate);
+    };
+    for (const auto& actions : {expect_none(small_sac(), make_sac, joystick_world()),
+                                expect_none(small_sacd(), make_sacd, discrete_world())})
+        EXPECT_TRUE(torch::equal(actions, actions[0].expand_as(actions)));
+    expect_none(small_ppo(), make_ppo, joystick_world());
+}
 
 TEST(SoftTarget, FollowsByTauAtEveryUpdate) {
     const auto expect_following = [](auto config, auto make, const AgentSpec& spec) {

@@ -43,16 +43,6 @@ struct Case : golden::NetworkCase {
                 torch::full({1}, hyper("log_alpha0"), torch::dtype(dtype).device(device)).requires_grad_(),
                 adam()};
     }
-
-    Batch batch() const {
-        Batch made;
-        made.observation = golden::observations(file, "obs", batch_size);
-        made.next_observation = golden::observations(file, "next_obs", batch_size);
-        made.action = actions();
-        made.n_step_return = input("reward");
-        made.discount = discount();
-        return made;
-    }
 };
 
 class SacdGolden : public ::testing::TestWithParam<golden::FileAndType> {

@@ -9,8 +9,6 @@
 #include <set>
 #include <thread>
 
-#include <unistd.h>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,6 +18,7 @@
 #include "message_of.h"
 #include "reference_frames.h"
 #include "support/golden.h"
+#include "support/temporary_folder.h"
 
 namespace {
 
@@ -463,7 +462,6 @@ class EmulatorRoms : public testing::Test {
                 unsetenv(name);
             }
         }
-        std::filesystem::remove_all(folder_);
     }
     void set(const char* name, const std::filesystem::path& value) {
         const char* old = std::getenv(name);
@@ -477,8 +475,8 @@ class EmulatorRoms : public testing::Test {
     }
 
     std::filesystem::path real_;
-    std::filesystem::path folder_ =
-        std::filesystem::temp_directory_path() / ("cale_roms_" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const std::filesystem::path& folder_ = temporary_.path();
 
   private:
     std::map<const char*, std::optional<std::string>> before_;

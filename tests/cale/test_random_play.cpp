@@ -90,6 +90,8 @@ TEST(RandomPlay, BelongsToTheRulesThatItWasMeasuredUnder) {
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 99'999; }), "none");
     EXPECT_EQ(changed([](auto& env) { env.max_frames_per_episode = 100'000; }), "atari100k");
     EXPECT_EQ(changed([](auto& env) { env.action_space = cale::ActionSet::minimal; }), "none");
+    EXPECT_EQ(changed([](auto& env) { env.motion.stick_speed = 0.2; }), "none");
+    EXPECT_EQ(changed([](auto& env) { env.mode = 1; }), "none");
 }
 
 TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
@@ -102,6 +104,13 @@ TEST(RandomPlay, TheFloorIsThatOfTheRunsActions) {
     config.max_frames_per_episode = 400;
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
     config.max_frames_per_episode = 108'000;
+    config.motion.stick_speed = 0.2;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt);
+    config.motion.stick_speed = std::nullopt;
+    config.difficulty = 1;
+    EXPECT_EQ(cale::random_floor(config), std::nullopt);
+    config.difficulty = std::nullopt;
+    EXPECT_EQ(cale::random_floor(config), 1027.0);
     config.game = "air_raid";
     EXPECT_EQ(cale::random_floor(config), std::nullopt);
 }

@@ -184,6 +184,31 @@ TEST(EmulatorRealTime, TheEndOfAGameIsNeverPassedOver) {
     EXPECT_EQ(rest.frames, 20);
 }
 
+TEST(EmulatorRealTime, ALostLifeThatCountsIsNeverPassedOver) {
+    auto config = pacman();
+    config.terminal_on_life_loss = true;
+    Env env(config, 1);
+    Played played(config);
+    Bytes expected(played.frame.size());
+    env.reset(expected);
+    int frames = 0;
+    StepResult same;
+    while (!same.terminal) {
+        same = env.step(ContinuousAction{}, expected);
+        frames += same.frames;
+    }
+    ASSERT_FALSE(same.episode_over) << "MsPacman has more lives than one";
+    played.announce(ContinuousAction{});
+    played.clock.play(frames + 40);
+    const auto lost = played.step(ContinuousAction{});
+    EXPECT_TRUE(lost.terminal && !lost.episode_over);
+    EXPECT_EQ(lost.frames, frames);
+    EXPECT_EQ(played.frame, expected);
+    const auto rest = played.step(ContinuousAction{});
+    EXPECT_FALSE(rest.terminal);
+    EXPECT_EQ(rest.frames, 40);
+}
+
 TEST(EmulatorRealTime, EventsAreCheckedBeforeTheyArePressed) {
     auto config = pacman();
     config.action_space = cale::ActionSet::minimal;
@@ -267,6 +292,13 @@ TEST(EmulatorRealTime, NoFrameIsPlayedInAPause) {
     played.game.pause(false);
     played.clock.play(4);
     EXPECT_EQ(played.step(ContinuousAction{}).frames, 4);
+}
+
+TEST(EmulatorRealTime, TheConsolesClockIsNoFasterThanSixtyFramesASecond) {
+    const auto clock = cale::console_clock();
+    const auto start = std::chrono::steady_clock::now();
+    for (int frame = 0; frame < 7; ++frame) clock();
+    EXPECT_GE(std::chrono::steady_clock::now() - start, 6 * std::chrono::nanoseconds(1'000'000'000 / 60));
 }
 
 TEST(EmulatorRealTime, TheConsolesClockCountsWhatWasLate) {

@@ -8,11 +8,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "numbered_frames.h"
 #include "replay/available_memory.h"
 #include "replay/replay_memory.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -346,14 +346,10 @@ TEST(ReplayMemory, IsTakenAsTheBufferFillsAndNoMoreThanNeeded) {
 
 class AvailableMemory : public testing::Test {
   protected:
-    void SetUp() override { std::filesystem::create_directories(root_); }
-    void TearDown() override { std::filesystem::remove_all(root_); }
-    void write(const std::string& path, const std::string& text) {
-        std::filesystem::create_directories((root_ / path).parent_path());
-        std::ofstream(root_ / path) << text;
-    }
-    std::filesystem::path root_ =
-        std::filesystem::temp_directory_path() / ("cale_memory_" + std::to_string(::getpid()));
+    void write(const std::string& path, const std::string& text) const { folder_.write(path, text); }
+
+    const test::TemporaryFolder folder_;
+    const std::filesystem::path& root_ = folder_.path();
 };
 
 TEST_F(AvailableMemory, IsWhatTheKernelSays) {

@@ -11,11 +11,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include "numbered_frames.h"
 #include "replay/replay_file.h"
 #include "replay/replay_snapshot.h"
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -29,9 +29,6 @@ using Files = std::map<std::string, std::string>;  // name -> content
 
 class ReplayFile : public testing::Test {
   protected:
-    void SetUp() override { fs::create_directories(folder_); }
-    void TearDown() override { fs::remove_all(folder_); }
-
     fs::path path(const std::string& name) const { return folder_ / name; }
     static Files files(const fs::path& folder) {
         Files files;
@@ -54,7 +51,8 @@ class ReplayFile : public testing::Test {
         return files(path("scratch"));
     }
 
-    fs::path folder_ = fs::temp_directory_path() / ("cale_replay_" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const fs::path& folder_ = temporary_.path();
 };
 
 ReplayConfig small_config() {

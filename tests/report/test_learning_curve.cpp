@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -11,6 +10,8 @@
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -23,25 +24,17 @@ using ::testing::IsSupersetOf;
 
 class LearningCurve : public ::testing::Test {
   protected:
-    LearningCurve() { std::filesystem::create_directories(folder_); }
-    ~LearningCurve() override { std::filesystem::remove_all(folder_); }
-
     std::filesystem::path file(const std::string& name, const std::string& text) const {
         std::ofstream(folder_ / name) << text;
         return folder_ / name;
     }
 
-    std::filesystem::path folder_ =
-        std::filesystem::temp_directory_path() / ("cale-curve-" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const std::filesystem::path& folder_ = temporary_.path();
 };
 
 std::string error_of(const std::filesystem::path& path) {
-    try {
-        read_episodes(path);
-    } catch (const std::runtime_error& error) {
-        return error.what();
-    }
-    return "no error";
+    return test::error_of<std::runtime_error>([&] { read_episodes(path); });
 }
 
 TEST_F(LearningCurve, ReadsWhatARunWrites) {
@@ -191,13 +184,12 @@ TEST(PictureFile, SvgIsXmlThatShowsTheData) {
 }
 
 TEST(PictureFile, PngIsDrawnFromTheSameData) {
-    const auto path =
-        std::filesystem::temp_directory_path() / ("cale-picture-" + std::to_string(::getpid()) + ".png");
+    const test::TemporaryFolder folder;
+    const auto path = folder / "picture.png";
     Picture picture{.width = 100, .height = 50};
     picture.lines.push_back({{{0, 25}, {100, 25}}, {200, 0, 0}, 4});
     write_picture(picture, path);
     const auto image = cv::imread(path.string());
-    std::filesystem::remove(path);
     ASSERT_EQ(image.size(), cv::Size(200, 100));
     EXPECT_EQ(image.at<cv::Vec3b>(50, 100), cv::Vec3b(0, 0, 200));
     EXPECT_EQ(image.at<cv::Vec3b>(20, 100), cv::Vec3b(255, 255, 255));

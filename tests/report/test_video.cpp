@@ -2,7 +2,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <opencv2/videoio.hpp>
 #include <span>
@@ -13,6 +12,7 @@
 #include "cale/env.h"
 #include "report/scene.h"
 #include "support/full_disk.h"
+#include "support/temporary_folder.h"
 #include "support/working_folder.h"
 
 namespace cale {
@@ -22,11 +22,8 @@ using ::testing::HasSubstr;
 
 class Video : public ::testing::Test {
   protected:
-    Video() { std::filesystem::create_directories(folder_); }
-    ~Video() override { std::filesystem::remove_all(folder_); }
-
-    std::filesystem::path folder_ =
-        std::filesystem::temp_directory_path() / ("cale-video-" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const std::filesystem::path& folder_ = temporary_.path();
 };
 
 std::vector<std::uint8_t> plain_frame(int width, int height, std::uint8_t red, std::uint8_t green,
@@ -41,16 +38,6 @@ std::vector<std::uint8_t> noisy_frame(int width, int height, std::uint32_t& stat
     std::vector<std::uint8_t> rgb(static_cast<std::size_t>(3 * width * height));
     for (auto& value : rgb) value = static_cast<std::uint8_t>((state = state * 1664525u + 1013904223u) >> 24);
     return rgb;
-}
-
-template <class Error, class Action>
-std::string message_of(Action&& action) {
-    try {
-        action();
-    } catch (const Error& error) {
-        return error.what();
-    }
-    return "no error";
 }
 
 TEST_F(Video, CanBeReadBack) {
@@ -93,14 +80,15 @@ TEST_F(Video, KeepsPixelsSquareAndSharp) {
 
 TEST_F(Video, SaysWhyItCannotBeWritten) {
     EXPECT_THAT(
-        message_of<std::runtime_error>([&] { VideoWriter(folder_ / "missing" / "a.mp4", 160, 210, 30); }),
+        test::error_of<std::runtime_error>([&] { VideoWriter(folder_ / "missing" / "a.mp4", 160, 210, 30); }),
         HasSubstr("missing/a.mp4: No such file or directory"));
-    EXPECT_THAT(message_of<std::invalid_argument>([&] { VideoWriter(folder_ / "a.avi", 160, 210, 30); }),
+    EXPECT_THAT(test::error_of<std::invalid_argument>([&] { VideoWriter(folder_ / "a.avi", 160, 210, 30); }),
                 HasSubstr(".mp4"));
-    EXPECT_THAT(message_of<std::invalid_argument>([&] { VideoWriter(folder_ / "a.mp4", 161, 210, 30, 3); }),
-                HasSubstr("even"));
+    EXPECT_THAT(
+        test::error_of<std::invalid_argument>([&] { VideoWriter(folder_ / "a.mp4", 161, 210, 30, 3); }),
+        HasSubstr("even"));
     VideoWriter writer(folder_ / "a.mp4", 160, 210, 30);
-    EXPECT_THAT(message_of<std::invalid_argument>([&] { writer.write(plain_frame(84, 84, 0, 0, 0)); }),
+    EXPECT_THAT(test::error_of<std::invalid_argument>([&] { writer.write(plain_frame(84, 84, 0, 0, 0)); }),
                 HasSubstr("instead of 100800"));
 }
 
@@ -113,7 +101,7 @@ TEST_F(Video, AColonInItsNameIsNoAddress) {
 
 TEST_F(Video, SaysThatTheDiskIsFullBeforeItBegins) {
     const test::FullDisk disk(100);
-    EXPECT_EQ(message_of<std::runtime_error>([&] { VideoWriter(folder_ / "a.mp4", 160, 210, 30); }),
+    EXPECT_EQ(test::error_of<std::runtime_error>([&] { VideoWriter(folder_ / "a.mp4", 160, 210, 30); }),
               "cannot film to " + (folder_ / "a.mp4").string() + ": File too large");
 }
 
@@ -121,7 +109,7 @@ TEST_F(Video, NoticesAFullDisk) {
     // A limit on the size of files stands in for the disk.
     const test::FullDisk disk(100 * 1024);
     std::uint32_t state = 1;
-    const auto message = message_of<std::runtime_error>([&] {
+    const auto message = test::error_of<std::runtime_error>([&] {
         VideoWriter writer(folder_ / "large.mp4", 160, 210, 30);
         for (int i = 0; i < 20; ++i) writer.write(noisy_frame(160, 210, state));
         writer.close();

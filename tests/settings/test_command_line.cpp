@@ -112,6 +112,8 @@ TEST_F(CommandLineTest, IdsThatEndWithV4AreWithoutStickyActions) {
     EXPECT_EQ(env_.sticky_probability, 0.125) << "what is said of the key itself is stronger";
     parse({"--env-id", "ALE/Pong-v5", "--config", file});
     EXPECT_EQ(env_.sticky_probability, 0.5);
+    parse({"env.game=PongNoFrameskip-v4", "--config", file});
+    EXPECT_EQ(env_.sticky_probability, 0.5) << "as a value of env.game it is a name alone";
 }
 
 TEST_F(CommandLineTest, OverridesRepeat) {
@@ -122,6 +124,8 @@ TEST_F(CommandLineTest, OverridesRepeat) {
     EXPECT_EQ(env_.noop_max, 30);
     EXPECT_THAT(line.overrides,
                 ElementsAre("env.threshold=0.1", "env.frame_skip=2", "env.threshold=0.2", "env.noop_max=30"));
+    parse({"env.threshold=0.3", "--set", "env.threshold=0.2"});
+    EXPECT_EQ(env_.threshold, 0.3) << "a plain KEY=VALUE comes after all of --set";
 }
 
 TEST_F(CommandLineTest, TheLastOfARepeatedOptionCounts) {

@@ -2,11 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cctype>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
+#include <sstream>
 #include <string>
 #include <thread>
 
@@ -124,6 +126,24 @@ TEST_F(DistributedEmulator, TwoProcessesAreOneRun) {
     const auto rest = start_two(resumed("parted", 240));
     ASSERT_EQ(rest.code, 0) << rest.first << rest.other;
     expect_same_run(run("parted"), run("one"));
+}
+
+TEST_F(DistributedEmulator, WhatAMovingStickReachesIsCountedByFrames) {
+    const auto arguments = [&](const char* name) {
+        return fmt::format("{} --run-dir {} train.total_steps=80 env.stick_speed=0.3", kSettings,
+                           run(name).string());
+    };
+    const auto one = start_one(arguments("one"));
+    ASSERT_EQ(one.code, 0) << one.first;
+    const auto together = start_two(arguments("two"));
+    ASSERT_EQ(together.code, 0) << together.first << together.other;
+    expect_same_run(run("two"), run("one"));
+    std::istringstream table(read_file(run("two") / "joystick_events.csv"));
+    std::int64_t events = 0;
+    for (std::string line; std::getline(table, line);)
+        if (const auto comma = line.find(','); std::isdigit(line.at(comma + 1)) != 0)
+            events += std::stoll(line.substr(comma + 1));
+    EXPECT_GT(events, 2 * 80) << "four frames a step";
 }
 
 TEST_F(DistributedEmulator, AnEvaluationThatALongerRunWouldLackLeavesNoTrace) {

@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,8 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "support/temporary_folder.h"
 
 namespace cale {
 namespace {
@@ -28,13 +29,10 @@ TEST(TfRecord, FramesItsBytes) {
 
 class EventFileOfARun : public ::testing::Test {
   protected:
-    EventFileOfARun() { std::filesystem::create_directories(folder_); }
-    ~EventFileOfARun() override { std::filesystem::remove_all(folder_); }
-
     nlohmann::json read() const { return test::read_by_tensorboard(folder_); }
 
-    std::filesystem::path folder_ =
-        std::filesystem::temp_directory_path() / ("cale-events-" + std::to_string(::getpid()));
+    const test::TemporaryFolder temporary_;
+    const std::filesystem::path& folder_ = temporary_.path();
 };
 
 TEST_F(EventFileOfARun, IsReadByTensorBoard) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "storage/files.h"
 #include "train/threads.h"
 
 namespace cale {
@@ -24,6 +25,12 @@ TEST(Threads, AMeasurementStaysWithinWhatItIsAllowed) {
     EXPECT_GE(measured_threads(2), 1);
     EXPECT_LE(measured_threads(2), 2);
     at::set_num_threads(before);
+}
+
+TEST(Threads, Bf16IsMultipliedWhereTheKernelListsTheInstructions) {
+    const auto processor = read_file("/proc/cpuinfo");
+    if (processor.find("\nflags") == processor.npos) GTEST_SKIP() << "no x86 processor";
+    EXPECT_EQ(multiplies_bf16(), processor.find(" avx512_bf16") != processor.npos);
 }
 
 }  // namespace
