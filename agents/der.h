@@ -65,9 +65,10 @@ void fields(DerConfig& config, Visit&& visit) {
 /// PER's importance weights [B], over their largest.
 torch::Tensor importance_weights(const torch::Tensor& probability, double exponent);
 
-/// The draws of one update: one for the loss, one that both networks share at the next state.
+/// The draws of one update.
 struct DerNoise {
-    QNoise online, target;  // for the loss; at the next state
+    QNoise online;  // of the online network, for the loss
+    QNoise target;  // at the next state, where the online network takes it, too
 };
 
 /// Only `loss` carries a gradient.

@@ -13,7 +13,7 @@ namespace cale {
 struct EnvShare {
     /// The share of the process that the spec is for.
     explicit EnvShare(const AgentSpec& spec);
-    /// All `count` environments: a single process.
+    /// All of `envs` environments: a single process.
     explicit EnvShare(std::int64_t envs) : count(envs), all(envs) {}
 
     /// Returns this process's rows of a tensor [all, ...].

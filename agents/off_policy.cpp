@@ -107,7 +107,7 @@ double AgentReplay::epsilon(const EpsilonSettings& settings) const {
 }
 
 Batch AgentReplay::sample() {
-    // The batch before this one may still be on its way. Behind it the device learns, meanwhile.
+    // The copy of the batch before this one must be done; what the device learns from it may go on.
     if (copied_.was_marked_for_recording()) copied_.synchronize();
     {
         const Timed timed(time_.replay);

@@ -171,8 +171,8 @@ bool is_prioritised(const Config& config) {
 struct ActContext {
     bool training;  // with exploration; else as evaluations act
     bool uniform;   // in training every action is uniform: in the warm-up, or where epsilon is 1
-    /// Probability of a uniform action. None where the policy explores, or evaluations have none: agents with
-    /// a policy draw no number for it, those of values draw for 0.
+    /// Probability of a uniform action. None where the policy explores, and in evaluations without epsilon:
+    /// SAC and SAC-D then draw no number for it, DQN and DER draw as for 0.
     std::optional<double> epsilon;
     at::Generator random;  // of training or of evaluation, on the CPU
 };

@@ -51,7 +51,7 @@ void fields(QSettings& settings, Visit&& visit) {
 }
 
 /// Returns a network for the spec's observations and actions, on the CPU. `head` says how action values are
-/// represented; its actions and its number of hidden units are set here.
+/// represented; the rest of it is set here, as `settings` and the spec have it.
 QNetwork make_q_network(const QSettings& settings, const AgentSpec& spec, QHeadConfig head,
                         const at::Generator& generator);
 

@@ -84,7 +84,6 @@ void check_games(const EnvConfig& config) {
 
 /// Other coordinates than (r, theta, fire) are of the continuous joystick alone.
 void check_joystick(const EnvConfig& config) {
-    check_paddle(config);
     if (config.action_space == ActionSet::continuous || config.joystick == Joystick::polar) return;
     throw std::invalid_argument("env.joystick=" + std::string(name_of(config.joystick)) +
                                 " needs env.action_space=continuous, and that is " +
@@ -106,6 +105,7 @@ void check_numbered_actions(const EnvConfig& config) {
 /// Throws std::invalid_argument, in one sentence, for settings that do not go together.
 void check_together(const EnvConfig& config) {
     check_games(config);
+    check_paddle(config);
     check_joystick(config);
     check(config.motion);
     check_numbered_actions(config);
@@ -288,7 +288,7 @@ struct Env::Impl {
         episode_over = false;
     }
 
-    /// What a frame is played with.
+    /// What the emulator is given for a frame: an event, or the place of a paddle.
     struct Push {
         Event event = Event::noop;
         float strength = 1;              // of a paddle

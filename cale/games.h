@@ -32,8 +32,8 @@ std::span<const Game> all_games();
 bool has_paddle(const Game& game);
 
 /// The one of all_games() that goes by this name: "MsPacman", "ms_pacman", "ALE/MsPacman-v5" and
-/// "MsPacmanNoFrameskip-v4" are the same. Throws std::invalid_argument that names the
-/// nearest game there is.
+/// "MsPacmanNoFrameskip-v4" are the same. Throws std::invalid_argument that suggests
+/// up to three games, or says where they are listed.
 const Game& find_game(std::string_view name);
 /// The games of "pong,breakout". Throws as find_game() does, and std::invalid_argument for a game that is
 /// named twice.

@@ -65,7 +65,7 @@ class Trunk {
     Precision precision_;
 };
 
-/// One trunk and two heads on it, as the SAC and PPO agents of CALE have: the critic's trains
+/// One trunk and two branches on it, as the SAC and PPO agents of CALE have: the critic's trains
 /// the trunk, the actor's does not.
 ///   phi_sac, mlp, compact, data_efficient, phi_dqn_2013
 ///               Dense 50, LayerNorm, tanh on both branches: few enough for an action of three numbers to

@@ -70,7 +70,7 @@ class TwinCriticImpl : public torch::nn::Module {
 };
 using TwinCritic = torch::nn::ModuleHolder<TwinCriticImpl>;
 
-/// A box of actions, as its centre and half its width: [A] each, on the policy's device.
+/// A box of actions, as its centre and half its width: [A] each, on the device of the actions.
 struct ActionBox {
     torch::Tensor centre, half_width;  // [A] each
     double log_half_widths = 0;        // sum over coordinates

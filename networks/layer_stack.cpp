@@ -129,10 +129,7 @@ torch::Tensor LayerStack::operator()(torch::Tensor x, const Watch& watch,
     return x;
 }
 
-torch::Tensor LayerStack::scaled(const torch::Tensor& given, Precision precision) const {
-    // A replay keeps bytes as frames of one row.
-    const bool one_row = input_.size() == 2 && given.dim() == 4 && given.size(2) == 1;
-    const auto observation = one_row ? given.squeeze(2) : given;
+torch::Tensor LayerStack::scaled(const torch::Tensor& observation, Precision precision) const {
     const bool matches =
         observation.dim() == std::ssize(input_) + 1 && observation.sizes().slice(1) == input_;
     if (!matches || observation.scalar_type() != torch::kUInt8) {

@@ -34,8 +34,7 @@ class LayerStack {
                              const std::optional<at::Generator>& noise = std::nullopt) const;
 
     /// [B, input] bytes as numbers from 0 to 1, of the layers' own type or bf16: what the layers then compute
-    /// in. Bytes may come as images of one row, [B, stack, 1, n]. Throws std::invalid_argument, naming both
-    /// shapes, for anything else.
+    /// in. Throws std::invalid_argument, naming both shapes, for anything else.
     torch::Tensor scaled(const torch::Tensor& observation, Precision precision = Precision::float32) const;
 
     std::int64_t features() const { return features_; }  // numbers per observation

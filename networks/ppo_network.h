@@ -17,7 +17,8 @@
 namespace cale {
 
 /// two_branch: CALE's encoder; the policy's gradient does not reach its convolutions.
-/// shared: unpadded convolutions and 512 features that the policy and the value both train.
+/// shared: convolutions without padding, but for impala and row1d, and 512 features that the policy and the
+/// value both train.
 enum class Torso { two_branch, shared };
 std::span<const std::string_view> names_of(Torso);
 

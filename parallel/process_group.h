@@ -38,8 +38,8 @@ class ProcessGroup {
 
     /// One process, alone: nothing below waits or changes anything.
     ProcessGroup() = default;
-    /// Meets the others. Tensors on the CPU travel by Gloo; those on `device`, if it is a CUDA device, by
-    /// NCCL. `timeout`: how long a call waits for the others, which may be evaluating meanwhile. Throws
+    /// Connects to the others. Tensors on the CPU travel by Gloo; those on `device`, if it is a CUDA device,
+    /// by NCCL. `timeout`: how long a call waits for the others, which may be evaluating meanwhile. Throws
     /// std::invalid_argument for a CUDA device where cale was built without NCCL.
     ProcessGroup(const ProcessRank& process, c10::Device device,
                  std::chrono::milliseconds timeout = std::chrono::minutes(30));

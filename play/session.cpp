@@ -34,14 +34,14 @@ class Metronome {
         next_ += std::chrono::duration_cast<Clock::duration>(beat);
         next_ = std::max(next_, Clock::now());  // what was missed is not made up for
     }
-    /// Waits for the beat, at most kPatience. Returns whether it has come.
+    /// Waits for the beat, at most kPollInterval. Returns whether it has come.
     bool wait() const {
         if (beats_per_second_ <= 0) return true;
-        std::this_thread::sleep_until(std::min(next_, Clock::now() + kPatience));
+        std::this_thread::sleep_until(std::min(next_, Clock::now() + kPollInterval));
         return Clock::now() >= next_;
     }
     /// The player's input is read at least so often.
-    static constexpr std::chrono::milliseconds kPatience{16};
+    static constexpr std::chrono::milliseconds kPollInterval{16};
 
   private:
     double beats_per_second_;
@@ -65,7 +65,7 @@ class Show {
         // A knob stays where it is left; keys turn it as fast as ALE turns a paddle.
         const double x = asked.radius * std::cos(asked.theta);
         knob_ = hands_.pointer
-                    ? (1 + x) / 2
+                    ? paddle_position(x)
                     : std::clamp(knob_ + kKnobTurn * static_cast<double>(plan_.env.frame_skip) * x, 0.0, 1.0);
         return cale::stick(Joystick::paddle, std::array{static_cast<float>(knob_), asked.fire});
     }
@@ -85,7 +85,7 @@ class Show {
                                                  paused ? " (paused: P continues)" : ""));
             }
             // Where the metronome does not wait, keys are still asked for no faster than 60 times a second.
-            if (paused && plan_.speed <= 0) std::this_thread::sleep_for(Metronome::kPatience);
+            if (paused && plan_.speed <= 0) std::this_thread::sleep_for(Metronome::kPollInterval);
             const Command command = wait_for_beat();
             if (command == Command::pause && !plan_.real_time) paused = !paused;
             if (command == Command::quit || command == Command::new_game) return command;
@@ -143,7 +143,8 @@ void count(EvaluatedGame& game, Scene& scene, const StepResult& result) {
     scene.episode_return = game.episode_return;
 }
 
-/// One game. Returns the command that ended it before its end, and quit with which it ended.
+/// Plays one game. Returns the command by which the player broke it off; of a game that ended by itself quit,
+/// if that was given at its last step, else none.
 Command play_game(const PlayPlan& plan, Env& env, std::int64_t number, Show& show) {
     const auto space = observation_space(plan.env);
     std::vector<std::uint8_t> frame(static_cast<std::size_t>(space.frame_size()));

@@ -19,8 +19,7 @@ namespace {
 constexpr double kFramesPerSecond = 60;
 constexpr double kLongestLog = 600, kLongestGap = 0.1;  // seconds
 constexpr double kLeastMotion = 0.05;                   // radii
-constexpr double kRounding =
-    5.1e-4;  // seconds that a row's time may be off by, which is given to the millisecond
+constexpr double kRounding = 5.1e-4;      // seconds that a time, given to the millisecond, may be off by
 constexpr std::size_t kMostLatency = 60;  // frames
 constexpr double kSlowest = 0.001, kFastest = 2, kLightest = 0.05, kHeaviest = 5;
 
@@ -166,6 +165,29 @@ Line curve(const Panel& panel, const std::vector<double>& values, Colour colour,
     return line;
 }
 
+/// The log frame by frame.
+StickLog by_frames(const Rows& rows) {
+    StickLog log;
+    std::size_t row = 0;
+    const auto row_at = [&](double seconds) {
+        while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;
+        return row;
+    };
+    for (std::size_t frame = 1;
+         static_cast<double>(frame) / kFramesPerSecond <= rows.seconds.back() + kRounding; ++frame) {
+        // The frame's command is that of its middle, so that commands given between frames are as often early
+        // as late; the position is that of its end.
+        log.commanded.push_back(
+            rows.commanded[row_at((static_cast<double>(frame) - 0.5) / kFramesPerSecond)]);
+        const double end = static_cast<double>(frame) / kFramesPerSecond;
+        const std::size_t at = row_at(end), next = std::min(at + 1, rows.seconds.size() - 1);
+        const double length = rows.seconds[next] - rows.seconds[at];
+        const double part = length > 0 ? std::max(0.0, end - rows.seconds[at]) / length : 0;
+        log.measured.push_back(between(rows.measured[at], rows.measured[next], part));
+    }
+    return log;
+}
+
 std::vector<double> along(const std::vector<StickSample>& samples, double StickSample::*axis) {
     std::vector<double> values(samples.size());
     std::ranges::transform(samples, values.begin(), axis);
@@ -196,25 +218,7 @@ StickLog read_stick_log(const std::filesystem::path& csv) {
             "{}: the stick is never {} by more than 0.05 radii: nothing can be fitted", csv.string(), name));
     }
     require_no_gaps(table, rows);
-    StickLog log;
-    std::size_t row = 0;
-    for (std::size_t frame = 1;
-         static_cast<double>(frame) / kFramesPerSecond <= rows.seconds.back() + kRounding; ++frame) {
-        // The frame's command is that of its middle, so that commands given between frames are as often early
-        // as late; the position is that of its end.
-        const auto row_at = [&](double seconds) {
-            while (row + 1 < rows.seconds.size() && rows.seconds[row + 1] <= seconds + kRounding) ++row;
-            return row;
-        };
-        log.commanded.push_back(
-            rows.commanded[row_at((static_cast<double>(frame) - 0.5) / kFramesPerSecond)]);
-        const double end = static_cast<double>(frame) / kFramesPerSecond;
-        const std::size_t at = row_at(end), next = std::min(at + 1, rows.seconds.size() - 1);
-        const double length = rows.seconds[next] - rows.seconds[at];
-        const double part = length > 0 ? std::max(0.0, end - rows.seconds[at]) / length : 0;
-        log.measured.push_back(between(rows.measured[at], rows.measured[next], part));
-    }
-    return log;
+    return by_frames(rows);
 }
 
 std::vector<StickSample> simulated(const StickMotion& motion, const std::vector<StickSample>& commanded) {

@@ -9,7 +9,8 @@
 
 namespace cale {
 
-/// Returns the outputs of a head of values, of num_atoms each: one for each action or choice.
+/// Returns how many outputs a head of values has, each of num_atoms: one for each action or, with factors,
+/// for each choice.
 std::int64_t num_outputs(const Head& head);
 
 /// Returns the head's dense layers on so many inputs: actor.out, actor.mean, head.out, or head.adv and
@@ -24,7 +25,7 @@ struct ParameterShape {
 /// Returns every parameter of the network: "encoder.conv1.weight", ... Throws as sized_layers() does.
 std::vector<ParameterShape> parameter_shapes(const NetworkSpec& network);
 
-/// Returns the numbers of Policy::output.
+/// Returns how many numbers Policy::output has for one observation.
 std::int64_t output_size(const Head& head);
 
 }  // namespace cale

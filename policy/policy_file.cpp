@@ -143,7 +143,7 @@ PolicyFile parse_policy_file(std::string_view contents) {
 
     PolicyFile policy;
     auto& [info, network, weights, golden] = policy;
-    read_texts(texts, version == "1" ? 1 : 2, info, network);
+    read_texts(texts, version == "1", info, network);
     info.provenance = std::move(texts);
 
     const auto parameters = stored_parameters(network);

@@ -50,7 +50,7 @@ std::string policy_checksum(const std::map<std::string, std::string>& metadata,
 std::vector<std::uint8_t> golden_observation(const PolicyInfo& info);
 
 /// Throws FileDamage unless each number of `output` is the golden one within `tolerance` x max(1, the largest
-/// golden number).
+/// golden number's absolute value).
 void check_golden(std::span<const float> output, std::span<const float> golden, double tolerance);
 /// That tolerance where the device computes with float32.
 inline constexpr double kGoldenTolerance = 1e-3;

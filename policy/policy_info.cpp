@@ -11,6 +11,11 @@ void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape) {
     info.frame_width = shape.back();
 }
 
+std::vector<std::int64_t> observation_shape(const PolicyInfo& info) {
+    if (info.frame_height == 1) return {info.stack, info.frame_width};
+    return {info.stack, info.frame_height, info.frame_width};
+}
+
 bool is_agent_name(std::string_view name) {
     const auto is_plain = [](char c) {
         return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
@@ -18,6 +23,10 @@ bool is_agent_name(std::string_view name) {
     };
     constexpr std::size_t kLongest = 64;
     return !name.empty() && name.size() <= kLongest && std::ranges::all_of(name, is_plain);
+}
+
+bool draws(const PolicyInfo& info, Choice choice) {
+    return choice == Choice::sampled || (choice == Choice::as_evaluated && info.evaluation_samples);
 }
 
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick) {

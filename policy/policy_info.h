@@ -60,6 +60,8 @@ struct PolicyInfo {
 
 /// Sets the shape of an observation in `info`: [stack, rows, columns] or [stack, bytes].
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
+/// Returns that shape.
+std::vector<std::int64_t> observation_shape(const PolicyInfo& info);
 
 /// Returns whether an agent may have this name, which is a part of files' names: at most 64 letters, digits,
 /// '_' and '-'.
@@ -72,6 +74,9 @@ bool is_agent_name(std::string_view name);
 ///   as_evaluated  as the run's own evaluations do it: see PolicyInfo::evaluation_samples and epsilon
 enum class Choice { greedy, sampled, as_evaluated };
 
+/// Returns whether the policy draws its actions, or its weights' noise, where it chooses so.
+bool draws(const PolicyInfo& info, Choice choice);
+
 /// One decision, and the joystick event that it stands for.
 struct Decision {
     ContinuousAction stick{};   // of the continuous joystick
@@ -83,7 +88,7 @@ struct Decision {
     std::optional<float> paddle{};
 };
 
-/// Returns the joystick decisions that these actions stand for in the policy's game.
+/// Returns the decision that this position of the joystick is in the policy's game.
 Decision decision(const PolicyInfo& info, const ContinuousAction& stick);
 /// Throws std::out_of_range for a number that the policy has no action for.
 Decision decision(const PolicyInfo& info, std::int64_t action);

@@ -68,10 +68,6 @@ Decision uniform_decision(const PolicyInfo& info, std::mt19937_64& random) {
     return decision(info, static_cast<std::int64_t>(random() % info.actions.size()));
 }
 
-bool samples(const PolicyInfo& info, Choice choice) {
-    return choice == Choice::sampled || (choice == Choice::as_evaluated && info.evaluation_samples);
-}
-
 Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choice choice,
                 std::mt19937_64& random) {
     const auto& info = plan.info;
@@ -80,7 +76,7 @@ Decision chosen(const InferencePlan& plan, std::span<const float> numbers, Choic
         return uniform_decision(info, random);
     // Action values are no distribution: what is drawn of them is their noise.
     const bool has_distribution = plan.head.kind != Head::Kind::values;
-    return samples(info, choice) && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
+    return draws(info, choice) && has_distribution ? sampled(info, numbers, random) : greedy(info, numbers);
 }
 
 void require_own(const std::shared_ptr<const InferencePlan>& plan,
@@ -162,7 +158,7 @@ Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& works
 
 Decision Policy::act(std::span<const std::uint8_t> observation, Workspace& workspace, Choice choice,
                      std::mt19937_64& random) const {
-    auto* const noise = plan_->noisy && samples(info(), choice) ? &random : nullptr;
+    auto* const noise = plan_->noisy && draws(info(), choice) ? &random : nullptr;
     return chosen(*plan_, output(observation, workspace, noise), choice, random);
 }
 
@@ -181,7 +177,7 @@ void Policy::act(std::span<const std::uint8_t> observations, std::span<Decision>
                                     std::to_string(observations.size()));
     }
     require_own(plan_, workspace.plan_);
-    const bool draws_noise = plan_->noisy && samples(info(), choice);
+    const bool draws_noise = plan_->noisy && draws(info(), choice);
     // Noise by noise and choice by choice, as one by one.
     const auto room = draws_noise ? 1 : workspace.numbers_.size() / plan_->memory_size;
     for (std::size_t first = 0; first < decisions.size(); first += room) {

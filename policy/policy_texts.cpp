@@ -177,14 +177,14 @@ Texts texts_of(const PolicyInfo& info, const NetworkSpec& network) {
     return texts;
 }
 
-void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network) {
+void read_texts(Texts& texts, bool version_1, PolicyInfo& info, NetworkSpec& network) {
     // What of version 1 became the network is taken first: it takes `encoder` for one of three.
-    if (version == 1) network = take_network_of_version_1(texts);
+    if (version_1) network = take_network_of_version_1(texts);
     describe(info, Reader{texts});
     for (const auto& [key, text] : {std::pair{"game", info.game}, {"encoder", info.encoder}})
         if (printable(text) != text) refuse(key, text, "without control characters");
     if (!is_agent_name(info.agent)) refuse("agent", info.agent, "at most 64 letters, digits, '_' and '-'");
-    if (version == 1) {
+    if (version_1) {
         if (!network.head.continuous()) network.head.num_actions = info.num_actions();
         check_network(network);
     } else {

@@ -17,9 +17,10 @@ using Texts = std::map<std::string, std::string>;
 /// All but the provenance.
 Texts texts_of(const PolicyInfo& info, const NetworkSpec& network);
 
-/// Removes the texts of version 1, or 2 for all later ones, from `texts`, leaving the provenance. Throws
-/// FileDamage, naming the first text that is missing or invalid, and for texts that contradict each other.
-void read_texts(Texts& texts, int version, PolicyInfo& info, NetworkSpec& network);
+/// Removes all but the provenance from `texts`. Those of version 1 describe the network by names
+/// (policy/version_1.h). Throws FileDamage, naming the first text that is missing or invalid, and for texts
+/// that contradict each other.
+void read_texts(Texts& texts, bool version_1, PolicyInfo& info, NetworkSpec& network);
 
 // Each removes one text. Throws FileDamage if it is missing or, except for take_text(), invalid.
 std::string take_text(Texts& texts, std::string_view key);

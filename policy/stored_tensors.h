@@ -66,7 +66,7 @@ std::string safetensors_header(const std::vector<NamedShape>& tensors,
 /// "[32, 4, 8, 8]"
 std::string text_of_shape(const std::vector<std::int64_t>& shape);
 
-/// Returns whether a file of `size` bytes may have a header of so many; never of none.
+/// Returns whether a file of `size` bytes may have a header of `length` bytes; false for 0.
 bool may_be_header(std::uint64_t length, std::uint64_t size);
 
 /// Returns a whole file, which may be a pipe; its beginning where no header can follow, as of /dev/zero.

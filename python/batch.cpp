@@ -238,13 +238,13 @@ void Batch::step_one(std::size_t i, const Actions& actions, const StepArrays& ar
     arrays.rewards[i] = newest.result.reward;
     arrays.terminated[i] = newest.result.terminal;
     arrays.truncated[i] = newest.result.truncated;
-    const bool begins = state.ended && autoreset_ == Autoreset::same_step;
-    if (begins) {
+    const bool restarts = state.ended && autoreset_ == Autoreset::same_step;
+    if (restarts) {
         write_observation(i, final_stacks_);
         begin_episode(i, false);
     }
     write_observation(i, arrays.observations);
-    write_infos(i, begins ? at_start(i) : newest, arrays);
+    write_infos(i, restarts ? at_start(i) : newest, arrays);
 }
 
 void Batch::begin_step(const Actions& actions, const StepArrays& arrays) {

@@ -17,11 +17,7 @@ void require_playable(const PolicyInfo& policy, const EnvConfig& env) {
     const auto refuse = [&policy](const std::string& what) {
         throw std::invalid_argument("this policy of " + policy.game + " cannot play there: " + what);
     };
-    const auto seen = observation_space(env);
-    PolicyInfo same = policy;
-    set_observation(same, seen.tensor_shape());
-    if (same.stack != policy.stack || same.frame_height != policy.frame_height ||
-        same.frame_width != policy.frame_width)
+    if (observation_space(env).tensor_shape() != observation_shape(policy))
         refuse("it sees other observations; leave obs and frame_stack as the policy's settings have them");
     const bool continuous = env.action_space == ActionSet::continuous;
     if (continuous != (policy.action_space == "continuous"))

@@ -46,8 +46,6 @@ namespace {
 
 template <class Number>
 using Array = nb::ndarray<Number, nb::numpy, nb::c_contig, nb::device::cpu>;
-using Coordinates = Array<const float>;
-using Numbers = Array<const std::int64_t>;
 using Bytes = nb::ndarray<nb::numpy, std::uint8_t>;
 
 template <class Number>
@@ -274,6 +272,16 @@ class Envs {
     std::unique_ptr<Batch> batch_;  // the last member: its threads use the others
 };
 
+template <class Number>
+void step(Envs& envs, const Array<const Number>& actions, const Arrays& arrays) {
+    envs.run_idle([&](Batch& batch) { batch.step(span_of(actions), arrays.of(batch)); });
+}
+
+template <class Number>
+void send(Envs& envs, const Array<const Number>& actions, const Arrays& arrays, nb::object kept) {
+    envs.send(span_of(actions), arrays, std::move(kept));
+}
+
 nb::tuple action_space(Envs& envs) {
     const auto space = envs.run([](Batch& batch) { return batch.action_space(); });
     if (const auto* const discrete = std::get_if<Discrete>(&space))
@@ -363,31 +371,11 @@ void bind_environments(nb::module_& m) {
                 });
             },
             "seeds"_a, "mask"_a, "new_game"_a, "arrays"_a, "Begins episodes where the mask is true.")
-        .def(
-            "step",
-            [](Envs& envs, const Coordinates& actions, const Arrays& arrays) {
-                envs.run_idle([&](Batch& batch) { batch.step(span_of(actions), arrays.of(batch)); });
-            },
-            "actions"_a.noconvert(), "arrays"_a, "One agent step of all environments.")
-        .def(
-            "step",
-            [](Envs& envs, const Numbers& actions, const Arrays& arrays) {
-                envs.run_idle([&](Batch& batch) { batch.step(span_of(actions), arrays.of(batch)); });
-            },
-            "actions"_a.noconvert(), "arrays"_a)
-        .def(
-            "send",
-            [](Envs& envs, const Coordinates& actions, const Arrays& arrays, nb::object kept) {
-                envs.send(span_of(actions), arrays, std::move(kept));
-            },
-            "actions"_a.noconvert(), "arrays"_a, "kept"_a,
-            "Begins a step in the background. `kept` must hold the arrays.")
-        .def(
-            "send",
-            [](Envs& envs, const Numbers& actions, const Arrays& arrays, nb::object kept) {
-                envs.send(span_of(actions), arrays, std::move(kept));
-            },
-            "actions"_a.noconvert(), "arrays"_a, "kept"_a)
+        .def("step", step<float>, "actions"_a.noconvert(), "arrays"_a, "One agent step of all environments.")
+        .def("step", step<std::int64_t>, "actions"_a.noconvert(), "arrays"_a)
+        .def("send", send<float>, "actions"_a.noconvert(), "arrays"_a, "kept"_a,
+             "Begins a step in the background. `kept` must hold the arrays.")
+        .def("send", send<std::int64_t>, "actions"_a.noconvert(), "arrays"_a, "kept"_a)
         .def("recv", &Envs::recv,
              "Waits until the arrays are written, and returns what send() was given to keep.")
         .def(
@@ -566,9 +554,7 @@ nb::dict info_of(const PolicyInUse& self) {
     for (const auto event : info.actions) actions.append(std::string(event_name(event)));
     result["actions"] = actions;
     result["threshold"] = info.threshold;
-    result["observation_shape"] =
-        info.frame_height == 1 ? nb::object(nb::make_tuple(info.stack, info.frame_width))
-                               : nb::object(nb::make_tuple(info.stack, info.frame_height, info.frame_width));
+    result["observation_shape"] = nb::tuple(nb::cast(observation_shape(info)));
     result["frame_skip"] = info.frame_skip;
     result["life_loss_ends_episode"] = info.life_loss_ends_episode;
     result["evaluation_samples"] = info.evaluation_samples;

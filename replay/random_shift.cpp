@@ -11,15 +11,16 @@
 namespace cale {
 namespace {
 
-/// Copies one plane of rows x columns bytes.
+/// Writes to `to` the plane whose pixel (i, j) is pixel (i + row_shift, j + column_shift) of `from`; beyond
+/// the border its nearest pixel.
 void shift_plane(const std::uint8_t* from, std::uint8_t* to, std::int64_t rows, std::int64_t columns,
-                 std::int64_t down, std::int64_t right) {
-    const auto first = std::clamp<std::int64_t>(-right, 0, columns),
-               last = std::clamp(columns - right, first, columns);
+                 std::int64_t row_shift, std::int64_t column_shift) {
+    const auto first = std::clamp<std::int64_t>(-column_shift, 0, columns),
+               last = std::clamp(columns - column_shift, first, columns);
     for (std::int64_t i = 0; i < rows; ++i, to += columns) {
-        const auto* const row = from + std::clamp<std::int64_t>(i + down, 0, rows - 1) * columns;
+        const auto* const row = from + std::clamp<std::int64_t>(i + row_shift, 0, rows - 1) * columns;
         std::memset(to, row[0], static_cast<std::size_t>(first));
-        std::memcpy(to + first, row + first + right, static_cast<std::size_t>(last - first));
+        std::memcpy(to + first, row + first + column_shift, static_cast<std::size_t>(last - first));
         std::memset(to + last, row[columns - 1], static_cast<std::size_t>(columns - last));
     }
 }

@@ -33,13 +33,14 @@ std::string display_names(const std::vector<const Game*>& all) {
     return names;
 }
 
-bool holds_joystick(const PolicyInfo& info) {
+/// Whether the policy chooses positions of the joystick, and not events.
+bool chooses_positions(const PolicyInfo& info) {
     return info.actions.empty() || info.joystick == Joystick::factored;
 }
 
 /// Where a decision puts the joystick: an event is at the rim.
 ContinuousAction stick_of(const PolicyInfo& info, const Decision& decision) {
-    if (holds_joystick(info)) return decision.stick;
+    if (chooses_positions(info)) return decision.stick;
     return event_stick(decision.event);
 }
 
@@ -109,7 +110,7 @@ void Session::insert_rom(std::string_view bytes) {
 void Session::start(std::string_view changes, std::uint64_t seed) {
     auto config = trained_;
     change(config, changes);
-    if (!holds_joystick(policy().info()) && moves(config.motion) && !reaches_every_event(config)) {
+    if (!chooses_positions(policy().info()) && moves(config.motion) && !reaches_every_event(config)) {
         throw std::invalid_argument(
             "this policy chooses among joystick events, and a stick with a speed or a latency reaches all of "
             "them only with a threshold above 0 and below 0.7071 and event_map=symmetric: change the "
@@ -122,7 +123,6 @@ void Session::start(std::string_view changes, std::uint64_t seed) {
     stack_.emplace(1, static_cast<std::size_t>(space.stack), frame_.size());
     frames_.resize(static_cast<std::size_t>(config.frame_skip));
     random_.seed(seed);
-    moment_ = {};
     begin_game();
 }
 
@@ -153,13 +153,13 @@ const Moment& Session::step(const std::optional<ContinuousAction>& hand) {
     moment_.by_hand = hand.has_value();
     moment_.commanded = hand.value_or(stick_of(info(), moment_.decision));
     FrameAction action = moment_.commanded;
-    if (!hand && !holds_joystick(info())) action = moment_.decision.event;
+    if (!hand && !chooses_positions(info())) action = moment_.decision.event;
 
     frame_count_ = 0;
-    bool told = false;
+    bool given = false;
     moment_.result = env_->step(
         [&]() -> std::optional<FrameAction> {
-            if (std::exchange(told, true)) {
+            if (std::exchange(given, true)) {
                 keep_frame();  // the one before
                 return std::nullopt;
             }

@@ -135,15 +135,15 @@ torch::Tensor Policy::act(const torch::Tensor& observations) const {
 torch::Tensor Policy::act(const torch::Tensor& observations, Choice choice, at::Generator random) const {
     const torch::NoGradGuard no_grad;
     const bool evaluated = choice == Choice::as_evaluated;
-    const bool samples = choice == Choice::sampled || (evaluated && impl_->info.evaluation_samples);
+    const bool sampled = draws(impl_->info, choice);
     const auto output =
-        impl_->output(observations, samples && impl_->noisy ? std::optional(random) : std::nullopt);
+        impl_->output(observations, sampled && impl_->noisy ? std::optional(random) : std::nullopt);
     // Action values are no distribution: what is drawn of them is their noise.
     const bool has_distribution = impl_->head != Head::Kind::values;
-    const auto actions = samples && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
+    const auto actions = sampled && has_distribution ? impl_->sampled(output, random) : impl_->greedy(output);
     // A noisy agent draws for an epsilon of 0, too, and the next noise comes after it.
-    const bool draws = impl_->info.epsilon > 0 || impl_->noisy;
-    return evaluated && draws ? impl_->explored(actions, random) : actions;
+    const bool explores = impl_->info.epsilon > 0 || impl_->noisy;
+    return evaluated && explores ? impl_->explored(actions, random) : actions;
 }
 
 namespace {

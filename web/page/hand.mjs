@@ -2,7 +2,7 @@
 // until it is given back. Keys do what they do in `cale play` (play/keyboard.cpp).
 import { actionAt } from './joystick.mjs';
 
-const directions = {
+const controls = {
     ArrowUp: 'up', KeyW: 'up', ArrowDown: 'down', KeyS: 'down', ArrowLeft: 'left', KeyA: 'left', ArrowRight: 'right',
     KeyD: 'right', Space: 'fire', ShiftLeft: 'half', ShiftRight: 'half',
 };
@@ -64,7 +64,7 @@ export class Hand {
 
     /** Handles a key by its `code`; `repeated` while it is held. Returns whether it is one of the joystick's. */
     key(code, down, repeated = false) {
-        const control = directions[code];
+        const control = controls[code];
         if (control) {
             if (repeated && !this.#keys.has(code)) return true;  // held since before the hand let go of it
             if (down) this.#keys.add(code);
@@ -113,7 +113,7 @@ export class Hand {
 
     /** Returns (r, theta, fire); opposite keys cancel out. */
     #actionOf(keys, pointerFires) {
-        const holds = (control) => Number([...keys].some((code) => directions[code] === control));
+        const holds = (control) => Number([...keys].some((code) => controls[code] === control));
         const pad = this.#source === 'pad';
         const fire = holds('fire') || pointerFires || (pad && this.#pad.fire) ? 1 : 0;
         if (this.#pointer) return actionAt(this.#pointer.x, this.#pointer.y, fire);

@@ -12,7 +12,7 @@ const element = (id) => document.getElementById(id);
 const policyFile = 'policy.safetensors';
 
 let session, player, info;
-let played;  // the options of the game under way
+let playing;  // the options of the game under way
 let options = fromHash(location.hash);
 let lives = 0;
 let pointed = false;  // whether a pointer was used last, and not a key
@@ -48,7 +48,7 @@ function enableControls(enabled) {
 function begin() {
     player.start(changes(options.settings), options.seed);
     player.speed = options.speed;
-    played = { ...options, settings: new Map(options.settings) };
+    playing = { ...options, settings: new Map(options.settings) };
     strip.clear();
     lives = 0;
     element('last').textContent = '';
@@ -70,7 +70,7 @@ function restart() {
         pause(true);
         say(`These settings cannot be played: ${error.message}.`);
         if (!session.hasGame) return;
-        options = { ...played, settings: new Map(played.settings), speed: player.speed };
+        options = { ...playing, settings: new Map(playing.settings), speed: player.speed };
         history.replaceState(null, '', toHash(options));
         makeSliders();
     }

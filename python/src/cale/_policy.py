@@ -17,7 +17,7 @@ from cale._env import Env
 from cale._settings import require_utf8, rom_hint, text_of, texts_of
 from cale._vector_env import VectorEnv
 
-_EVENTS_OF_FACTORS = (3, 3, 2)  # x, y, fire
+_FACTORS = (3, 3, 2)  # choices of x, of y and of the button
 _OF_GYMNASIUM = ("autoreset_mode", "copy", "render_mode")  # arguments of environments that are no settings
 
 
@@ -51,7 +51,7 @@ class Policy:
         if not self.info["actions"]:
             result = coordinates
         elif self.info["joystick"] == "factored":
-            result = np.stack(np.unravel_index(actions, _EVENTS_OF_FACTORS), axis=1)
+            result = np.stack(np.unravel_index(actions, _FACTORS), axis=1)
         else:
             result = actions
         return result[0] if single else result
@@ -83,7 +83,7 @@ class Policy:
         if unknown := settings.keys() - {setting["name"] for setting in _core.settings()}:
             raise ValueError(f"{self.file} is of a newer cale: this one does not know its setting {min(unknown)!r}")
         if not self.info["actions"]:
-            settings["joystick"] = "polar"  # act() returns (r, theta, fire)
+            settings["joystick"] = "polar"  # act() writes (r, theta, fire); where it places a paddle, this counts for nothing
         return settings
 
     def make_vec(self, num_envs: int = 1, **changes: Any) -> VectorEnv:
