@@ -1135,8 +1135,8 @@ TEST(CaleProgram, AnEvaluationChoosesItsActionsAsItIsTold) {
     EXPECT_EQ(choice("greedy"), "greedy");
     EXPECT_EQ(events("greedy_other_seed", "ppo --epsilon 0 --greedy --seed 2"), greedy);
     EXPECT_NE(events("random", "ppo --epsilon 1 --greedy"), greedy);
-    events("sac", "sac --epsilon 0");
-    EXPECT_EQ(choice("sac"), "greedy");
+    events("sac_greedy", "sac --epsilon 0");
+    EXPECT_EQ(choice("sac_greedy"), "greedy");
     events("sac_sampled", "sac --epsilon 0 --sampled");
     EXPECT_EQ(choice("sac_sampled"), "sampled");
 }
