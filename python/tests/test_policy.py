@@ -83,6 +83,8 @@ def test_a_noisy_policy_of_categories(repository):
     draws = {policy.act(observations, "as_evaluated").tobytes() for _ in range(50)}
     greedy = {policy.act(observations).tobytes() for _ in range(50)}
     assert len(draws) > 1 and len(greedy) == 1
+    numbers = policy.output(observations).argmax(axis=1)
+    np.testing.assert_array_equal(policy.act(observations), np.stack([numbers // 6, numbers // 2 % 3, numbers % 2], axis=1))
 
 
 def test_evaluations_repeat_whatever_the_threads(repository):

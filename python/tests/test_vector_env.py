@@ -371,6 +371,16 @@ def test_several_games_are_played_in_turn():
         cale.Env(["pong", "breakout"])
 
 
+def test_the_three_choices_of_a_factored_joystick():
+    """x, y and the button, from left, from down, from up: ALE's numbers of the events."""
+    envs = cale.make_vec("breakout", num_envs=1, joystick="factored", sticky_probability=0)
+    envs.reset(seed=1)
+    events = {(1, 1, 0): 0, (2, 1, 0): 3, (0, 1, 0): 4, (1, 2, 0): 2, (1, 0, 1): 13, (2, 2, 1): 14}
+    for choices, event in events.items():
+        *_, infos = envs.step([choices])
+        assert infos["event"][0] == event, choices
+
+
 def test_infos_of_sticks_and_paddles():
     envs = cale.make_vec("breakout", num_envs=2, stick_speed=0.1, action_latency=(np.int64(0), np.int64(0)))
     _, infos = envs.reset(seed=1)

@@ -69,7 +69,7 @@ TEST(EnvConfig, ProtocolsDifferInStickinessAndLifeLoss) {
 TEST(EmulatorEnv, NoOpsAtTheStartPressNothingWhateverTheEventMap) {
     for (std::uint32_t seed = 1; seed <= 3; ++seed) {
         EnvConfig config;
-        config.game = "ms_pacman";
+        config.game = "breakout";  // a game that shows at once what is pressed
         config.noop_max = 100;
         const Played symmetric(config, seed);
         config.event_map = cale::EventMap::ale_0_10;

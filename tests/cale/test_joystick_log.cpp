@@ -126,4 +126,16 @@ TEST(EmulatorJoystickLog, IsForObservationsOfTheMemory) {
                 HasSubstr("has 146 bytes, not 128"));
 }
 
+TEST(EmulatorJoystickLog, EveryGameBeginsInTheCentre) {
+    Env env(memory_of("ms_pacman"), 1);
+    std::vector<std::uint8_t> observation(128 + 18);
+    for (int game = 0; game < 2; ++game) {
+        env.reset(observation);
+        EXPECT_THAT(joystick_of(observation),
+                    ElementsAre(128, 128, 0, 128, 128, 0, 128, 128, 0, 128, 128, 0, 128, 128, 0, 128, 128, 0))
+            << game;
+        env.step(ContinuousAction{1, 0, 1}, observation);
+    }
+}
+
 }  // namespace

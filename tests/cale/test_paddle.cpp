@@ -246,4 +246,17 @@ TEST(EmulatorPaddle, InRealTimeToo) {
     EXPECT_EQ(seen, 1);
 }
 
+TEST(EmulatorPaddle, InEveryGameTheFirstFrameSticksInTheMiddle) {
+    auto config = absolute("breakout");
+    config.sticky_probability = 0.25;
+    Played played(config);
+    int stuck = 0;
+    for (int game = 0; game < 100; ++game) {
+        played.env.reset(played.memory);
+        played.step(at(1));
+        stuck += *played.env.paddle() < 0.75;
+    }
+    EXPECT_NEAR(stuck, 25, 17) << "four standard deviations";
+}
+
 }  // namespace

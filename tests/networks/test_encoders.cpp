@@ -282,5 +282,19 @@ TEST(SharedEncoder, AnInitialiserOfTheCallersServesItsConvolutionsToo) {
     EXPECT_FALSE((encoder->named_parameters()["fc.weight"] == 2).any().item<bool>());
 }
 
+TEST(Encoder, AllButPhiSacStartGlorot) {
+    for (const auto kind : {EncoderKind::impala, EncoderKind::mlp, EncoderKind::compact,
+                            EncoderKind::data_efficient, EncoderKind::phi_dqn_2013}) {
+        auto encoder = make({.encoder = kind});
+        for (const auto& parameter : encoder->named_parameters()) {
+            const auto& weight = parameter.value();
+            if (weight.dim() < 2) continue;
+            const auto fans = (weight.size(0) + weight.size(1)) * weight[0][0].numel();
+            EXPECT_NEAR(weight.std().item<double>() / std::sqrt(2.0 / static_cast<double>(fans)), 1, 0.1)
+                << name_of(kind) << ' ' << parameter.key();
+        }
+    }
+}
+
 }  // namespace
 }  // namespace cale

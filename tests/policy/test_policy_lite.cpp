@@ -447,5 +447,44 @@ TEST(DecisionTest, OfJoysticksAndOfNumbers) {
     EXPECT_THROW(decision(info, std::int64_t{-1}), std::out_of_range);
 }
 
+TEST(LitePolicy, AsEvaluatedIsDrawnWhereTheRunsEvaluationsDrew) {
+    for (const auto* name : {"ppo", "sacd"}) {
+        auto file = named(name);
+        file.info.epsilon = 0;
+        file.info.evaluation_samples = true;
+        const auto policy = policy_of(file);
+        auto workspace = policy.workspace();
+        const auto pixels = random_pixels(policy.info().observation_size(), 3);
+        const auto greedy = policy.act(pixels, workspace);
+        std::mt19937_64 random(1), same(1);
+        int different = 0;
+        for (int i = 0; i < 50; ++i) {
+            const auto evaluated = policy.act(pixels, workspace, Choice::as_evaluated, random);
+            const auto drawn = policy.act(pixels, workspace, Choice::sampled, same);
+            EXPECT_EQ(evaluated.action, drawn.action) << name;
+            EXPECT_EQ(evaluated.stick.theta, drawn.stick.theta) << name;
+            different += evaluated.action != greedy.action || evaluated.stick.theta != greedy.stick.theta;
+        }
+        EXPECT_GT(different, 0) << name;
+    }
+}
+
+TEST(LitePolicy, ARandomActionIsUniformInTheBoxOfItsJoystick) {
+    auto file = named("sac");
+    file.info.epsilon = 1;
+    const auto policy = policy_of(file);
+    auto workspace = policy.workspace();
+    const auto pixels = random_pixels(policy.info().observation_size(), 3);
+    std::mt19937_64 random(1);
+    std::array<int, 3> quarters{};
+    for (int i = 0; i < 2'000; ++i) {
+        const auto stick = policy.act(pixels, workspace, Choice::as_evaluated, random).stick;
+        quarters[0] += stick.radius < 0.25F;
+        quarters[1] += stick.theta < -std::numbers::pi_v<float> / 2;
+        quarters[2] += stick.fire > 0.75F;
+    }
+    for (const int count : quarters) EXPECT_NEAR(count, 500, 80) << "four standard deviations";
+}
+
 }  // namespace
 }  // namespace cale

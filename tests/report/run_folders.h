@@ -1,8 +1,6 @@
 // Folders like those that training leaves behind.
 #pragma once
 
-#include <unistd.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
@@ -12,19 +10,16 @@
 
 #include <fmt/format.h>
 
+#include "support/temporary_folder.h"
+
 namespace cale::test {
 
 class RunFolders {
   public:
     explicit RunFolders(const std::string& name)
-        : path_(std::filesystem::canonical(std::filesystem::temp_directory_path()) /
-                fmt::format("cale-{}-{}", name, ::getpid())) {
-        std::filesystem::remove_all(path_);
-        std::filesystem::create_directories(path_);
+        : path_(std::filesystem::canonical(temporary_.path()) / name) {
+        std::filesystem::create_directory(path_);
     }
-    ~RunFolders() { std::filesystem::remove_all(path_); }
-    RunFolders(const RunFolders&) = delete;
-    RunFolders& operator=(const RunFolders&) = delete;
 
     const std::filesystem::path& path() const { return path_; }
 
@@ -51,6 +46,7 @@ class RunFolders {
     }
 
   private:
+    const ::test::TemporaryFolder temporary_;
     std::filesystem::path path_;
 };
 

@@ -444,5 +444,14 @@ TEST_F(Comparing, OfNothingIsRefused) {
     EXPECT_THROW(compared(), std::exception);
 }
 
+TEST_F(Comparing, SaysWhichGroupsHaveUnequalNumbersOfRuns) {
+    folders_.run("a1", "sac", "Pong", 1, {-20});
+    folders_.run("a2", "sac", "Boxing", 1, {1});
+    EXPECT_THAT(lines_of(compared().notes), Not(Contains(HasSubstr("unequal"))));
+    folders_.run("a3", "sac", "Pong", 2, {-20});
+    EXPECT_THAT(lines_of(compared().notes),
+                Contains(testing::EndsWith("games with more count more: sac (1 to 2).")));
+}
+
 }  // namespace
 }  // namespace cale

@@ -16,6 +16,7 @@
 #include "report/joystick_map.h"
 #include "report/panel.h"
 #include "report/run_folders.h"
+#include "report/tables.h"
 
 namespace cale {
 namespace {
@@ -410,6 +411,20 @@ TEST(JoystickMap, NamesAllEighteenEvents) {
     const auto of_one = words_of(joystick_map(1));
     EXPECT_EQ(std::ranges::count(of_one, "NOOP"), 1);
     EXPECT_EQ(std::ranges::count(of_one, "FIRE"), 1);
+}
+
+TEST_F(Figures, EventsZonesAndRewardsAreTablesToo) {
+    const auto files = csv_files(comparison(2));
+    const auto text = [&](const std::string& name) {
+        const auto found = std::ranges::find(files, name, &TextFile::name);
+        return found == files.end() ? std::string() : found->text;
+    };
+    EXPECT_THAT(text("events.csv"),
+                AllOf(HasSubstr("\nsac,Alien,UP,0.75\n"), HasSubstr("\nsac,Alien,UPFIRE,0.25\n")));
+    // 40 parts of 300 steps: the row of step 100 ends in the 14th.
+    EXPECT_THAT(text("zones.csv"),
+                AllOf(HasSubstr("\nsac,Alien,105,right,0.5\n"), HasSubstr("\nsac,Alien,300,left,0.75\n")));
+    EXPECT_THAT(text("rewards.csv"), HasSubstr("\nsac,Alien,1,7\n"));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <fstream>
@@ -17,6 +18,7 @@
 #include <unistd.h>
 
 #include "fake_program.h"
+#include "sweep/machine.h"
 #include "sweep/run_folder.h"
 
 namespace cale {
@@ -239,6 +241,57 @@ TEST_F(LocalSweep, ARunOfAnotherSweepIsWaitedFor) {
     EXPECT_EQ(exit_code_of(first), 0);
     EXPECT_EQ(exit_code_of(second), 0);
     EXPECT_EQ(fake_.output("slow_0"), "started with output.log \n") << "it ran once";
+}
+
+TEST_F(LocalSweep, ARunThatCameFurtherIsTriedAgainBehindTheOthers) {
+    auto runs = fake_.runs({"fast", "fast"});
+    // Fails three times, each time one step further.
+    runs[0].program =
+        fake_.write_script("train_on",
+                           "#!/bin/bash\n"
+                           "while [ $1 != --run-dir ]; do shift; done\n"
+                           "n=$(ls $2/checkpoints 2>/dev/null | wc -l)\n"
+                           "echo {} >$2/metadata.json\n: >$2/config.yaml\n"
+                           "printf '#{}\\nr,global_step\\n' >$2/episodes.csv\n"
+                           "if [ $n = 3 ]; then mkdir $2/checkpoints/step_000000100; exit 0; fi\n"
+                           "mkdir -p $2/checkpoints/step_00000000$((n + 1))\nexit 1\n");
+    EXPECT_EQ(run(runs, /*at_once=*/1, /*retries=*/1), 0) << said();
+    EXPECT_EQ(state("fast_0"), RunPhase::finished);
+    EXPECT_LT(said().find("finished   fast_1"), said().find("resumed    fast_0"));
+}
+
+TEST_F(LocalSweep, ASecondInterruptKillsARunThatDoesNotStop) {
+    auto runs = fake_.runs({"slow"});
+    runs[0].program = fake_.write_script("train_deaf",
+                                         "#!/bin/bash\nhere=$(dirname $0)\ntrap 'touch $here/told' TERM\n"
+                                         "touch $here/ready_slow_0\n"
+                                         "for i in {1..500}; do sleep 0.02; done\ntouch $here/survived\n");
+    const auto sweep = start(runs);
+    ASSERT_TRUE(test::wait_until([&] { return fake_.ready("slow_0"); }));
+    ::kill(sweep, SIGINT);
+    ASSERT_TRUE(test::wait_until([&] { return std::filesystem::exists(fake_.path() / "told"); }));
+    ::kill(sweep, SIGINT);
+    EXPECT_EQ(exit_code_of(sweep), 130);
+    EXPECT_FALSE(std::filesystem::exists(fake_.path() / "survived"));
+}
+
+TEST_F(LocalSweep, RunsHaveTheDeviceAndTheCoresOfTheirPlaces) {
+    auto runs = fake_.runs({"fast", "fast"});
+    for (auto& planned : runs)
+        planned.program = fake_.write_script(
+            "train_where", "#!/bin/bash\necho \"$@\"\ngrep Cpus_allowed_list /proc/self/status\nexit 2\n");
+    const int core = usable_cores().back();
+    const Slots slots{.slots = {{.device = "cuda:1", .cpus = {core}}, {.device = "cuda:2"}}, .reason = ""};
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> out(
+        std::fopen((fake_.path() / "said").c_str(), "w"), &std::fclose);
+    EXPECT_EQ(run_locally(runs, fake_.sweep(), slots, {.threads = 3, .retries = 2, .out = out.get()}), 1);
+    const std::string both[] = {fake_.output("fast_0"), fake_.output("fast_1")};
+    const auto& pinned = both[both[0].find("cuda:1") == std::string::npos ? 1 : 0];
+    EXPECT_THAT(both,
+                testing::UnorderedElementsAre(HasSubstr("--threads 3 --device cuda:1 --no-progress\n"),
+                                              HasSubstr("--threads 3 --device cuda:2 --no-progress\n")));
+    EXPECT_THAT(pinned, testing::EndsWith("\t" + std::to_string(core) + "\n"));
+    EXPECT_EQ(std::ranges::count(pinned, '\n'), 2) << "another try would end likewise";
 }
 
 }  // namespace

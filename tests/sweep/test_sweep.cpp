@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -86,6 +88,9 @@ TEST_F(SweepCommand, ADryRunPrintsCommandsAndDoesNothing) {
     options_.sharing.devices.clear();
     EXPECT_THAT(answer(), HasSubstr("mine.yaml --dir " + fake_.sweep().string() +
                                     " --jobs 1 --threads 1 --retries 2 "));
+    options_.overrides = {"agent.rate=2e-4"};
+    options_.sharing.devices = {"cpu"};
+    EXPECT_THAT(answer(), HasSubstr(" --retries 2 --device cpu --set agent.rate=2e-4 --only "));
 }
 
 TEST_F(SweepCommand, ASearchIsTrainedAndCompared) {
@@ -109,6 +114,9 @@ TEST_F(SweepCommand, ASearchIsTrainedAndCompared) {
     EXPECT_THAT(answer(), HasSubstr("--no-progress --until 12\n")) << "an eighth of 100 steps";
     options_.search = SearchMethod::random;
     EXPECT_THAT(answer(), Not(HasSubstr("--until")));
+    options_.launcher = Launcher::slurm;
+    EXPECT_THAT(answer(), HasSubstr(" --search random --only "));
+    options_.launcher = Launcher::local;
 
     options_.task = SweepTask::train;
     EXPECT_THAT(answer(),
@@ -380,6 +388,27 @@ TEST(SearchSlow, TheRunThatGoesOnIsTheOneThatWasNeverPaused) {
             .status,
         0);
     EXPECT_THAT(folder.read("printed"), HasSubstr("observe_joystick: true\n"));
+}
+
+TEST_F(SweepCommand, TheStatusHasTheStatesOfTheQueue) {
+    const std::string path = std::getenv("PATH");
+    ::setenv("PATH", (fake_.path().string() + ":" + path).c_str(), 1);
+    fake_.write_script("squeue", "#!/bin/bash\necho '17 0 PENDING'\n");
+    fake_.write("runs/slurm.json", R"([{"job": "17", "runs": ["Pong__fake__1"]}])");
+    fake_.write("runs/Pong__fake__1/failure.txt", "it broke");
+    options_.task = SweepTask::show_status;
+    const auto text = answer();
+    ::setenv("PATH", path.c_str(), 1);
+    EXPECT_THAT(text, HasSubstr("Pong__fake__1     pending"));
+    EXPECT_THAT(text, HasSubstr("2 runs: 1 waiting, 1 pending\n"));
+    EXPECT_EQ(code_, 0) << "it is in the queue again";
+}
+
+TEST_F(SweepCommand, WaitsForItsRunsThoughWhoStartedItWaitsForNone) {
+    std::signal(SIGCHLD, SIG_IGN);
+    EXPECT_EQ(answer(), "");
+    std::signal(SIGCHLD, SIG_DFL);
+    EXPECT_EQ(code_, 0);
 }
 
 }  // namespace

@@ -334,5 +334,16 @@ TEST_F(SweepFile, MistakesAreOneSentenceThatSaysWhere) {
                 HasSubstr("did you mean '" + (folder_ / "encoders.yaml").string() + "'?"));
 }
 
+TEST_F(SweepFile, ASearchHasASeedAndAFirstHalvingOfItsOwn) {
+    const auto search = [&](const std::string& more) {
+        return read(small_ + "search: {samples: 2, " + more + "settings: {agent.size: 1..1000000}}\n");
+    };
+    const auto plain = search(""), other = search("seed: 7, first_steps: 12_500, ");
+    EXPECT_EQ(plain.search->seed, 1U);
+    EXPECT_EQ(other.search->seed, 7U);
+    EXPECT_EQ(other.search->first_steps, 12'500);
+    EXPECT_NE(other.samples, plain.samples);
+}
+
 }  // namespace
 }  // namespace cale

@@ -11,6 +11,8 @@
 
 #include "cale/fields.h"
 #include "cale/text.h"
+#include "support/terminal.h"
+#include "sweep/sweep_console.h"
 
 namespace cale {
 namespace {
@@ -109,6 +111,23 @@ TEST(SweepTable, CutsNoCharacterInTwo) {
         for (std::string line; std::getline(lines, line);)
             EXPECT_EQ(line, printable(line)) << "which writes what is no UTF-8 as \\x..";
     }
+}
+
+TEST(SweepConsole, DrawsTheRunningRunsAndWipesThemForALine) {
+    test::Terminal terminal(80);
+    SweepConsole console(terminal.file(), /*live_table=*/true);
+    EXPECT_TRUE(console.due());
+    const std::vector<RunRow> rows{
+        row("Pong__sac__1", {.state = RunPhase::running, .step = 400, .steps_per_second = 20}),
+        row("Pong__sac__2", {})};
+    console.show(rows);
+    const auto drawn = terminal.shown();
+    EXPECT_THAT(drawn, testing::StartsWith(summary(rows) + "\r\n"));
+    EXPECT_THAT(drawn, testing::HasSubstr("Pong__sac__1      running"));
+    EXPECT_THAT(drawn, testing::Not(testing::HasSubstr("Pong__sac__2")));
+    console.say("a line");
+    EXPECT_EQ(terminal.shown(), "\033[3A\033[Ja line\r\n");
+    EXPECT_TRUE(console.due());
 }
 
 }  // namespace

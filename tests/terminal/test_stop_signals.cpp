@@ -33,5 +33,20 @@ TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
     EXPECT_TRUE(stop_requested());
 }
 
+TEST(StopSignals, AnIgnoredHangUpStaysIgnoredAnInterruptDoesNot) {
+    auto* const hang_up = std::signal(SIGHUP, SIG_IGN);
+    auto* const interrupt = std::signal(SIGINT, SIG_IGN);
+    {
+        const StopSignals signals;
+        std::raise(SIGHUP);   // as under nohup
+        std::raise(SIGPIPE);  // of a reader that is gone
+        EXPECT_FALSE(stop_requested());
+        std::raise(SIGINT);  // scripts ignore it for what they leave in the background
+        EXPECT_EQ(stop_signal(), "SIGINT");
+    }
+    std::signal(SIGHUP, hang_up);
+    std::signal(SIGINT, interrupt);
+}
+
 }  // namespace
 }  // namespace cale
