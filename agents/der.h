@@ -50,7 +50,7 @@ void fields(DerConfig& config, Visit&& visit) {
           "where distributional: atoms lie between plus and minus this");
     visit("noisy", config.noisy, "explore by noise in the weights; off: epsilon-greedily");
     visit("noisy_sigma", config.noisy_sigma, Range{0, 10},
-          "where noisy: initial noise of a weight, times sqrt(inputs)");
+          "where noisy: initial noise of a weight is this over sqrt(inputs)");
     visit("noisy_evaluation", config.noisy_evaluation,
           "where noisy: with the noise in evaluations and policy files, too; off: without");
     visit("random_warmup", config.random_warmup,

@@ -37,7 +37,7 @@ void fields(EpsilonSettings& settings, Visit&& visit) {
     visit("epsilon_train", settings.epsilon_train, Range{0, 1},
           "final epsilon in training, where the agent explores by it");
     visit("epsilon_eval", settings.epsilon_eval, Range{0, 1},
-          "epsilon in evaluation; without effect with exploration: standard");
+          "epsilon in evaluation; without effect where agent.exploration is standard");
     visit("epsilon_decay_period", settings.epsilon_decay_period, Range{1, 1e12},
           "agent steps from epsilon 1 to epsilon_train, after the warm-up if there is one");
 }

@@ -106,7 +106,7 @@ void fields(EnvConfig& config, Visit&& visit) {
           "a lost life ends the agent's episode (the game continues)");
     visit("frame_skip", config.frame_skip, Range{1, 64}, "emulated frames per agent step");
     visit("frame_stack", config.frame_stack, Range{1, 64},
-          "newest screens, or bytes of memory, that an observation holds");
+          "newest screens, or states of the memory, that an observation holds");
     visit("max_frames_per_episode", config.max_frames_per_episode, Range{1, 1e9},
           "frames after which an episode is cut off");
     visit("truncation_is_terminal", config.truncation_is_terminal,

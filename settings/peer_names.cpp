@@ -38,7 +38,7 @@ std::span<const PeerName> peer_names() {
         {"n_steps", "agent.rollout_steps"},
         {"n_steps", "agent.update_horizon"},
         {"num_layers", "agent.hidden_layers"},
-        {"num_minibatches", "agent.minibatches"},
+        {"num_minibatches", "agent.minibatch_size"},
         {"num_steps", "agent.rollout_steps"},
         {"num_steps", "train.total_steps"},
         {"obs_type", "env.obs"},
