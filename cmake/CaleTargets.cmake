@@ -23,7 +23,7 @@ endif()
 # One library per folder: cale_library(replay TORCH DEPENDS cale::env)
 # makes cale_replay, known as cale::replay, from the folder's sources.
 # TORCH: includes LibTorch's headers, so shares the precompiled header.
-# SOURCES: of a folder with two libraries.
+# SOURCES: where the library is not all of the folder's *.cpp.
 # HEADERS: what a program outside may include. What is not listed is not installed.
 # COMPONENT: what a user of the installed package asks for to get it: env, policy, policy_lite or, if nothing is
 # said, train.

@@ -96,12 +96,14 @@ torch::Tensor stack_tensor(const FrameStack& stack, std::size_t num_envs, const 
 Actions view_of_actions(const torch::Tensor& actions);
 
 /// Plays the games, each in its own environment. A lost life that ends the agent's episode clears the stack
-/// and does not end the game. Throws what `decide` and the environments throw.
+/// and does not end the game. Throws what `decide` and the environments throw, and std::invalid_argument for
+/// actions or values of another shape or type.
 Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan);
 
 /// Plays the plan's games in sequence, each in a new world with a seed derived from the plan's and its
 /// number. Of the plan only games, seed, ended, stepped and stop apply: the rest is Atari's. Throws what
-/// `decide` and the world throw, and std::invalid_argument for a reward that is not finite.
+/// `decide` and the world throw, and std::invalid_argument for actions or values of another shape or type and
+/// for a reward that is not finite.
 Evaluation evaluate(const Decide& decide, const MakeWorld& make_world, const EvaluationPlan& plan);
 
 /// The smallest reward that at least the fraction `quantile`, 0 to 1, of the agent steps did not exceed.

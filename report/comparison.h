@@ -124,6 +124,7 @@ struct Comparison {
     }
 
     Comparison() = default;
+    // Not copied: `results` point into `groups`.
     Comparison(Comparison&&) = default;
     Comparison& operator=(Comparison&&) = default;
 };

@@ -12,7 +12,7 @@
 
 namespace cale {
 
-/// A finished run's episodes, in the order in which they ended.
+/// The episodes of a run that have ended, in that order.
 struct EpisodeHistory {
     std::string env_id{};  // "ALE/Pong-v5"; empty if the file does not say
     std::string agent{};   // "sac"; empty if the file does not say

@@ -116,7 +116,30 @@ void check_alternatives(const Arguments& arguments) {
             "--or reads --config {} again, which is no regular file; give it a file", file.string()));
 }
 
-Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
+/// Adds each KEY=VALUE to the overrides, or to those of the newest --or. Refuses anything else.
+void sort_settings(const std::vector<std::string>& words, const ConfigTable& table, Arguments& arguments) {
+    const auto set = arguments.line.overrides;  // by --set
+    for (const auto& word : words) {
+        if (word == "--or") {
+            arguments.alternatives.push_back(set);
+            continue;
+        }
+        if (word.starts_with("-")) throw ConfigError(unknown_option(word, table));
+        if (word.find('=') == std::string::npos) {
+            const bool is_file = word.ends_with(".yaml") || word.ends_with(".yml");
+            throw ConfigError(fmt::format("unexpected argument '{}'; {}", word,
+                                          is_file ? "a file of settings is given by --config FILE"
+                                          : std::filesystem::is_directory(word)
+                                              ? "the folder of a run is given by --run-dir DIR"
+                                              : "settings are given as KEY=VALUE"));
+        }
+        auto& overrides =
+            arguments.alternatives.empty() ? arguments.line.overrides : arguments.alternatives.back();
+        overrides.push_back(word);
+    }
+}
+
+Arguments parse_arguments(const ConfigTable& table, int argc, const char* const* argv) {
     Arguments arguments;
     CommandLine& line = arguments.line;
     bool no_progress = false;
@@ -169,24 +192,7 @@ Arguments split(const ConfigTable& table, int argc, const char* const* argv) {
         throw ConfigError(
             "--config is given more than once: a file that has 'extends: [FIRST.yaml, SECOND.yaml]' reads "
             "both");
-    const auto set = line.overrides;  // by --set
-    for (const auto& argument : app.remaining()) {
-        if (argument == "--or") {
-            arguments.alternatives.push_back(set);
-            continue;
-        }
-        if (argument.starts_with("-")) throw ConfigError(unknown_option(argument, table));
-        if (argument.find('=') == std::string::npos) {
-            const bool is_file = argument.ends_with(".yaml") || argument.ends_with(".yml");
-            throw ConfigError(fmt::format("unexpected argument '{}'; {}", argument,
-                                          is_file ? "a file of settings is given by --config FILE"
-                                          : std::filesystem::is_directory(argument)
-                                              ? "the folder of a run is given by --run-dir DIR"
-                                              : "settings are given as KEY=VALUE"));
-        }
-        auto& overrides = arguments.alternatives.empty() ? line.overrides : arguments.alternatives.back();
-        overrides.push_back(argument);
-    }
+    sort_settings(app.remaining(), table, arguments);
     check_alternatives(arguments);
     check_device(line.device);
     check_threads(line.threads);
@@ -366,7 +372,7 @@ CommandLine parse_command_line(std::string_view program, std::string_view descri
                                int argc, const char* const* argv, std::ostream& out) {
     Arguments arguments;
     try {
-        arguments = split(table, argc, argv);
+        arguments = parse_arguments(table, argc, argv);
     } catch (const ConfigError& error) {
         throw ConfigError(fmt::format("{} (see {} --help)", error.what(), program));
     }

@@ -37,7 +37,7 @@ class ConfigError : public std::runtime_error {
 /// One setting.
 struct ConfigEntry {
     std::string key;           // "env.threshold"
-    std::string type;          // "integer", "number", "number or none", "true/false", "text", "one of a, b"
+    std::string type;          // setting_type(): "integer", "number or none", "one of a, b", ...
     std::string default_text;  // the value when it was added to the table
     std::string range_text;    // "0 to 1", "at least 1"; empty where anything goes
     std::string help;          // its sentence

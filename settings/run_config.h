@@ -1,4 +1,4 @@
-// The sections train, eval and log of a run's configuration.
+// A run's configuration: the sections train, eval and log, and all sections as one table.
 #pragma once
 
 #include <cstdint>

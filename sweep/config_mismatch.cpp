@@ -28,7 +28,7 @@ namespace {
 struct Trained {
     std::optional<std::int64_t> steps;  // agent steps of the newest checkpoint; none: it has only begun
     SettingTexts settings;
-    /// See AgentSpec. An older version did not record it; the program then objects on resume.
+    /// See agents/agent.h. An older version did not record it; the program then objects on resume.
     std::string schedule_over_run;
 };
 

@@ -137,7 +137,7 @@ class LocalRunner {
     /// without a pause they would be given up at once.
     void cannot_start(Job& job, const std::string& reason, bool try_again) {
         job.not_before = Clock::now() + kPause;
-        failed(job, reason, try_again);
+        retry_or_give_up(job, reason, try_again);
     }
 
     void start(Job& job) {
@@ -163,11 +163,11 @@ class LocalRunner {
         }
         if (is_finished(job.folder, planned.end)) {
             job.status.state = RunPhase::finished;
-            job.status.step = newest_checkpoint(job.folder).value_or(planned.end.total_steps);
+            job.status.step = newest_checkpoint_step(job.folder).value_or(planned.end.total_steps);
             return say(shown_state(job), job, "by another process");
         }
-        const auto checkpoint = newest_checkpoint(job.folder);
-        if (!checkpoint) prepare_for_start(job.folder);
+        const auto saved_step = newest_checkpoint_step(job.folder);
+        if (!saved_step) prepare_for_start(job.folder);
         forget_failure(job.folder);
 
         const auto slot = free_slots_.back();
@@ -175,19 +175,19 @@ class LocalRunner {
             .folder = job.folder, .threads = options_.threads, .device = slots_[slot].device};
         job.log_begin = log_size(job.folder);
         lock.reset();  // the program takes it
-        job.process = start_child(command_of(planned, place, checkpoint.has_value()),
+        job.process = start_child(command_of(planned, place, saved_step.has_value()),
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();
         job.listened = false;
         // Of a run that is resumed they were compared above, and are by the program.
-        job.mismatch = checkpoint ? std::optional<std::string>("") : std::nullopt;
+        job.mismatch = saved_step ? std::optional<std::string>("") : std::nullopt;
         job.slot = slot;
         job.started = Clock::now();
-        job.started_at = checkpoint.value_or(0);
+        job.started_at = saved_step.value_or(0);
         job.status = {.state = RunPhase::running, .step = job.started_at};
         active_.push_back(&job);
-        say(checkpoint ? "resumed" : "starts", job,
-            checkpoint ? fmt::format("from step {}", *checkpoint) : "");
+        say(saved_step ? "resumed" : "starts", job,
+            saved_step ? fmt::format("from step {}", *saved_step) : "");
         // The child has the claim now; this process lets go of it.
     }
 
@@ -234,12 +234,13 @@ class LocalRunner {
         const auto last_line = last_log_line(job.folder, job.log_begin);
         const bool hopeless =
             end.exit_code == kUsage || end.exit_code == kCannotResume || end.exit_code == kDiverged;
-        if (newest_checkpoint(job.folder).value_or(0) > job.started_at) job.failures = 0;
-        failed(job, text_of(end) + (end.exit_code >= 0 && !last_line.empty() ? ": " + last_line : ""),
-               !hopeless);
+        if (newest_checkpoint_step(job.folder).value_or(0) > job.started_at) job.failures = 0;
+        retry_or_give_up(job,
+                         text_of(end) + (end.exit_code >= 0 && !last_line.empty() ? ": " + last_line : ""),
+                         !hopeless);
     }
 
-    void failed(Job& job, const std::string& reason, bool try_again) {
+    void retry_or_give_up(Job& job, const std::string& reason, bool try_again) {
         ++job.failures;
         if (try_again && job.failures <= options_.retries) {
             queue_.push_back(&job);

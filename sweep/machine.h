@@ -35,7 +35,7 @@ struct Sharing {
 /// A place for one run.
 struct Slot {
     std::string device = "cpu";
-    std::vector<int> cpus{};  // of its own; empty where the runs take more or less than all there are
+    std::vector<int> cpus{};  // of its own, where runs fill a machine without a quota; else empty
 };
 
 /// The places for runs that are trained at once.

@@ -34,7 +34,7 @@ constexpr std::size_t kGroupsAtOnce = 50;
 constexpr std::size_t kValuesAtOnce = 2'000;
 /// What either may take of it. The command line is one argument of a shell, which Linux limits to 128 KiB.
 constexpr std::size_t kBytesAtOnce = 50'000;
-/// A stored transition's frame, and its action, reward and bookkeeping.
+/// What a stored transition takes beside its frame: action, reward and bookkeeping.
 constexpr std::int64_t kMemoryOfTransition = 350;
 
 /// Agents whose programs lie in `folder`.
@@ -167,28 +167,25 @@ struct BaseRuns {
     std::set<std::string> games_and_seeds;                      // assignments, of all groups
 };
 
-std::vector<std::string> assignments_of_group(const SweepRun& run) {
+/// Those of the run's game and seed, or all others, which are its group's.
+std::vector<std::string> assignments_of(const SweepRun& run, bool game_and_seed) {
     std::vector<std::string> assignments;
-    for (const auto& setting : run.settings) {
-        if (!is_game_or_seed(setting.key)) assignments.push_back(assignment(setting));
-    }
+    for (const auto& setting : run.settings)
+        if (is_game_or_seed(setting.key) == game_and_seed) assignments.push_back(assignment(setting));
     return assignments;
 }
 
 void add_run(const SweepRun& run, BaseRuns& runs) {
-    std::vector<std::string> own;
-    for (const auto& setting : run.settings) {
-        if (is_game_or_seed(setting.key)) own.push_back(assignment(setting));
-    }
+    auto own = assignments_of(run, /*game_and_seed=*/true);
     runs.games_and_seeds.insert(own.begin(), own.end());
-    auto assignments = assignments_of_group(run);
+    auto assignments = assignments_of(run, /*game_and_seed=*/false);
     if (runs.numbers.emplace(assignments, runs.groups.size()).second)
         runs.groups.push_back(
             {.assignments = std::move(assignments), .one_of_them = std::move(own), .example = run.name});
 }
 
 const RunGroup& group_of(const SweepRun& run, const BaseRuns& runs) {
-    return runs.groups[runs.numbers.at(assignments_of_group(run))];
+    return runs.groups[runs.numbers.at(assignments_of(run, /*game_and_seed=*/false))];
 }
 
 void check_rom(const SweepRun& run, const std::string& rom_dir) {
@@ -212,6 +209,39 @@ void check_game(const Sweep& sweep, const PlannedRun& planned) {
     }
 }
 
+/// Asks a program for the settings of all runs of a base. Many games and seeds are checked in one go: a
+/// program reads its arguments in order. The length of a command is limited, so all groups are checked with
+/// the first of them, and one group with the rest.
+void ask_program(const Sweep& sweep, const Base& base, BaseRuns& runs) {
+    const std::vector<std::string> values(runs.games_and_seeds.begin(), runs.games_and_seeds.end());
+    std::vector<std::size_t> value_bytes, group_bytes;
+    for (const auto& value : values) value_bytes.push_back(bytes_of({&value, 1}));
+    for (const auto& group : runs.groups)
+        group_bytes.push_back(bytes_of(group.assignments) + bytes_of(group.one_of_them));
+    for (const auto& [from, to] : parts_of(value_bytes, kValuesAtOnce)) {
+        auto command = base;
+        command.insert(command.end(), values.begin() + from, values.begin() + to);
+        const std::span groups(group_bytes);
+        for (const auto& [first, last] : parts_of(from == 0 ? groups : groups.first(1), kGroupsAtOnce))
+            print_configs(sweep, command, {runs.groups.begin() + first, runs.groups.begin() + last});
+    }
+}
+
+/// Sets where the run ends and how much memory it takes, by the settings that its program printed.
+void estimate(PlannedRun& planned) {
+    const auto integer = [&](std::string_view key) {
+        const auto* const text = planned_value(planned, key);
+        return text != nullptr ? integer_in(*text) : 0;
+    };
+    planned.end = {.total_steps = integer("train.total_steps"), .evaluates = integer("eval.episodes") > 0};
+    const auto* const capacity = planned_value(planned, "agent.replay_capacity");
+    const auto stored =
+        std::min(capacity != nullptr ? if_integer(*capacity).value_or(0) : 0, planned.end.total_steps);
+    const auto* const seen = planned_value(planned, "env.obs");
+    const auto frame = seen != nullptr && *seen == "ram" ? kRamSize : kFrameSize;
+    planned.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);
+}
+
 }  // namespace
 
 const std::string* planned_value(const PlannedRun& planned, std::string_view key) {
@@ -230,22 +260,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         if (!programs.contains(run.agent)) programs[run.agent] = find_program(run.agent, folder);
         add_run(run, bases[base_of(programs[run.agent], run)]);
     }
-    for (auto& [base, runs] : bases) {
-        // Many games and seeds are checked in one go: a program reads its arguments in order. The length of a
-        // command is limited, so all groups are checked with the first of them, and one group with the rest.
-        const std::vector<std::string> values(runs.games_and_seeds.begin(), runs.games_and_seeds.end());
-        std::vector<std::size_t> value_bytes, group_bytes;
-        for (const auto& value : values) value_bytes.push_back(bytes_of({&value, 1}));
-        for (const auto& group : runs.groups)
-            group_bytes.push_back(bytes_of(group.assignments) + bytes_of(group.one_of_them));
-        for (const auto& [from, to] : parts_of(value_bytes, kValuesAtOnce)) {
-            auto command = base;
-            command.insert(command.end(), values.begin() + from, values.begin() + to);
-            const std::span groups(group_bytes);
-            for (const auto& [first, last] : parts_of(from == 0 ? groups : groups.first(1), kGroupsAtOnce))
-                print_configs(sweep, command, {runs.groups.begin() + first, runs.groups.begin() + last});
-        }
-    }
+    for (auto& [base, runs] : bases) ask_program(sweep, base, runs);
 
     std::set<std::pair<std::string, std::string>> roms;
     std::set<std::pair<std::string, const SettingTexts*>> checked;  // games with what they are played with
@@ -258,18 +273,7 @@ std::vector<PlannedRun> plan(const Sweep& sweep, const fs::path& folder) {
         const auto rom = std::pair(run.game, rom_dir != nullptr ? *rom_dir : "");
         if (roms.insert(rom).second) check_rom(run, rom.second);
         if (checked.emplace(run.game, next.base.get()).second) check_game(sweep, next);
-
-        const auto integer = [&](std::string_view key) {
-            const auto* text = planned_value(next, key);
-            return text != nullptr ? integer_in(*text) : 0;
-        };
-        next.end = {.total_steps = integer("train.total_steps"), .evaluates = integer("eval.episodes") > 0};
-        const auto* const capacity = planned_value(next, "agent.replay_capacity");
-        const auto stored =
-            std::min(capacity != nullptr ? if_integer(*capacity).value_or(0) : 0, next.end.total_steps);
-        const auto* seen = planned_value(next, "env.obs");
-        const auto frame = seen != nullptr && *seen == "ram" ? kRamSize : kFrameSize;
-        next.memory = kMemoryOfProcess + stored * (frame + kMemoryOfTransition);
+        estimate(next);
         planned.push_back(std::move(next));
     }
     return planned;

@@ -82,8 +82,8 @@ std::span<const std::string_view> names_of(RunPhase) {
 }
 
 bool is_finished(const fs::path& folder, const RunEnd& end) {
-    const auto checkpoint = newest_checkpoint(folder);
-    if (!checkpoint || *checkpoint < end.total_steps) return false;
+    const auto step = newest_checkpoint_step(folder);
+    if (!step || *step < end.total_steps) return false;
     if (!end.evaluates) return true;
     if (newest_step(folder / "eval", ".csv").value_or(0) < end.total_steps) return false;
     try {
@@ -99,8 +99,8 @@ RunStatus status_of(const fs::path& folder, const RunEnd& end) {
     RunStatus status;
     std::error_code ignored;
     read_newest_report(folder / "progress.csv", status);
-    const auto checkpoint = newest_checkpoint(folder);
-    status.step = std::max(status.step, checkpoint.value_or(0));
+    const auto saved_step = newest_checkpoint_step(folder);
+    status.step = std::max(status.step, saved_step.value_or(0));
     if (RunClaim::is_taken(folder)) {
         status.state = RunPhase::running;
     } else if (is_finished(folder, end)) {
@@ -108,9 +108,9 @@ RunStatus status_of(const fs::path& folder, const RunEnd& end) {
     } else if (fs::exists(folder / kFailure, ignored)) {
         status.state = RunPhase::failed;
         status.message = tail(folder / kFailure, 4096);
-    } else if (checkpoint) {
+    } else if (saved_step) {
         status.state = RunPhase::interrupted;
-        status.step = *checkpoint;
+        status.step = *saved_step;
     }
     return status;
 }
@@ -139,7 +139,7 @@ std::string strange_file(const fs::path& folder) {
 
 void prepare_for_start(const fs::path& folder) {
     fs::create_directories(folder);
-    // First, as a run writes it second: alone it would be strange to the next that looks.
+    // First: without metadata.json beside it strange_file() would name it.
     fs::remove(folder / "config.yaml");
     for (const auto& item : fs::directory_iterator(folder)) {
         const auto name = item.path().filename();

@@ -28,14 +28,15 @@ struct RunEnd {
 /// How far a run is.
 struct RunStatus {
     RunPhase state = RunPhase::waiting;
-    std::int64_t step = 0;                // agent steps, as its newest report or checkpoint says
-    double steps_per_second = 0;          // of its newest report
-    std::optional<double> mean_return{};  // of its newest 100 episodes, at its newest report
+    std::int64_t step = 0;                // agent steps, as its newest row or checkpoint says
+    double steps_per_second = 0;          // of its newest row
+    std::optional<double> mean_return{};  // of its newest 100 episodes, at its newest row
     std::string message{};                // why it failed or is refused
 };
 
-/// Returns whether the run is finished: its newest checkpoint has all steps and, where it evaluates, that
-/// evaluation is written; its metadata.json must not say that it is unfinished.
+/// Returns whether the run's newest checkpoint has all steps and, where an evaluation follows them, that is
+/// written and metadata.json does not say that the run is unfinished. One that pauses at `end` is finished,
+/// too.
 bool is_finished(const std::filesystem::path& folder, const RunEnd& end);
 
 /// The status of the run in `folder`, which need not exist, whatever its settings.

@@ -61,7 +61,7 @@ std::vector<SampleScore> compared(const Search& search, std::span<const PlannedR
         sample.sample = run.sample;
         sample.steps = steps;
         const auto folder = search.folder / run.name;
-        const bool arrived = newest_checkpoint(folder).value_or(0) >= steps;  // it may have failed
+        const bool arrived = newest_checkpoint_step(folder).value_or(0) >= steps;  // it may have failed
         sample.scores[run.combination] = arrived ? search_score(folder, steps) : std::nullopt;
         if (!arrived) sample.failed.insert(run.combination);
     }
@@ -162,7 +162,7 @@ bool other_than_planned(const Search& search, std::span<const PlannedRun> runs, 
     std::string refused;
     for (const auto& planned : runs) {
         const auto folder = search.folder / planned.run.name;
-        refused += refused_line(planned, newest_checkpoint(folder)
+        refused += refused_line(planned, newest_checkpoint_step(folder)
                                              ? config_mismatch(planned, folder)
                                              : started_otherwise(planned, folder).value_or(""));
     }
@@ -189,6 +189,15 @@ void write_best(const Search& search, const SampleScore& best, std::size_t compa
         fmt::format("# Sample {} of {} of {}, at agent step {}: mean rank {:.2f} among {}.\n{}\n",
                     best.sample, search.sweep.samples.size(), search.sweep.name, best.steps, best.rank,
                     compared, YAML::Dump(config)));
+}
+
+/// Whether a run that is to be resumed has checkpoints without its replay. train.save_replay may differ from
+/// the planned one, as it changes no result of a run that does not stop.
+bool continues_without_replay(const PlannedRun& planned, const fs::path& folder) {
+    if (newest_checkpoint_step(folder).value_or(0) == 0 || is_finished(folder, planned.end)) return false;
+    const auto settings = settings_in(read_file(folder / "config.yaml"));
+    const auto found = settings.find("train.save_replay");
+    return found != settings.end() && same_value(found->second, "false");
 }
 
 }  // namespace
@@ -258,19 +267,6 @@ void check_search(const Search& search) {
         }
     }
 }
-
-namespace {
-
-/// Whether a run that is to be resumed has checkpoints without its replay. train.save_replay may differ from
-/// the planned one, as it changes no result of a run that does not stop.
-bool continues_without_replay(const PlannedRun& planned, const fs::path& folder) {
-    if (newest_checkpoint(folder).value_or(0) == 0 || is_finished(folder, planned.end)) return false;
-    const auto settings = settings_in(read_file(folder / "config.yaml"));
-    const auto found = settings.find("train.save_replay");
-    return found != settings.end() && same_value(found->second, "false");
-}
-
-}  // namespace
 
 bool refuse_others(const Search& search, std::FILE* out) {
     auto refused = refused_lines(search.runs, search.folder);

@@ -63,7 +63,8 @@ void check_search(const Search& search);
 /// to train; none where the search is done.
 std::vector<PlannedRun> next_runs(const Search& search);
 
-/// Prints those runs whose folders hold runs with other settings. Returns whether there are any.
+/// Prints a line for each run whose folder holds another run or, with halving, one that stopped without its
+/// replay and would not continue as if it had not. Returns whether there is any.
 bool refuse_others(const Search& search, std::FILE* out);
 
 /// Trains the samples, prints how they compare to `out`, and leaves search.csv, with every sample, and

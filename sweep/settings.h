@@ -1,4 +1,4 @@
-// Settings by key, as text: those of a run that is planned, and those that a run was trained with.
+// Values of settings as text: what a training program reads from them and prints.
 #pragma once
 
 #include <cstdint>

@@ -97,8 +97,9 @@ void check_quotable(const std::string& name, std::string_view what, std::string_
         what, printable(name), kind));
 }
 
-/// As the value of a directive in quotes, where Slurm replaces %j and the like.
-std::string in_quotes(const std::string& path) {
+/// A folder as a part of a quoted path of a directive, where Slurm would replace %j and the like. Throws
+/// ConfigError.
+std::string directive_path(const std::string& path) {
     check_quotable(path, "--dir", "folder");
     std::string text;
     for (const char c : path) {
@@ -150,7 +151,7 @@ std::string slurm_script(const fs::path& folder, std::span<const std::string> na
     directive("--ntasks=1");
     directive(fmt::format("--cpus-per-task={}", options.threads));
     directive(fmt::format("--mem={}M", (options.memory + (1 << 20) - 1) >> 20));
-    directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", in_quotes(folder.string())));
+    directive(fmt::format("--output=\"{}/slurm/%A_%a.out\"", directive_path(folder.string())));
     directive("--open-mode=append");
     directive("--requeue");
     directive("--signal=B:USR1@120");

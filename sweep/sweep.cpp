@@ -100,13 +100,16 @@ bool asks_for_a_part(const SweepOptions& options) {
     return !options.overrides.empty() || !options.only.empty();
 }
 
-/// With a list of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
-/// that are missing (kSweepList). `extends`: those that were listed before stay.
-void make_folder(const fs::path& folder, std::vector<std::string> all_runs, bool extends) {
+void make_folder(const fs::path& folder) {
     std::error_code error;
     fs::create_directories(folder, error);
     if (!error && ::access(folder.c_str(), W_OK) != 0) error.assign(errno, std::generic_category());
     if (error) refuse_folder(folder, "nothing can be written there: " + error.message());
+}
+
+/// The names of all runs that the sweep file asks for, a line each: what `cale report` needs to name those
+/// that are missing (kSweepList). `extends`: those that were listed before stay.
+void write_run_list(const fs::path& folder, std::vector<std::string> all_runs, bool extends) {
     const auto list = folder / kSweepList;
     const auto before = fs::exists(list) ? read_file(list) : std::string();
     if (extends) {
@@ -165,7 +168,7 @@ int show_commands(const std::vector<PlannedRun>& runs, const fs::path& folder, c
         } else if (is_finished(place.folder, planned.end)) {
             fmt::print(out, "# finished: {}\n", planned.run.name);
         } else {
-            const bool resume = newest_checkpoint(place.folder).has_value();
+            const bool resume = newest_checkpoint_step(place.folder).has_value();
             fmt::print(out, "{}\n", shell_text(command_of(planned, place, resume)));
         }
     }
@@ -204,7 +207,8 @@ int submit_to_slurm(const std::vector<PlannedRun>& runs, const fs::path& folder,
         return exit_code;
     }
     require_sbatch();
-    make_folder(folder, all_runs, asks_for_a_part(options));
+    make_folder(folder);
+    write_run_list(folder, all_runs, asks_for_a_part(options));
     const auto lines = submit(runs, folder, slurm);
     for (const auto& line : lines) fmt::print(out, "{}\n", line);
     fmt::print(out, "{}", refused);
@@ -288,7 +292,8 @@ int run_sweep(const SweepOptions& options, std::FILE* out) {
         if (next.empty()) fmt::print(out, "# finished: the search, {} runs\n", runs.size());
         return show_commands(next, folder, options, slots.slots.front().device, out);
     }
-    make_folder(folder, listed, asks_for_a_part(options));
+    make_folder(folder);
+    write_run_list(folder, listed, asks_for_a_part(options));
     fmt::print(stderr, "{}: {} in {}, {} at once ({})\n", sweep.name, counted(runs.size(), "run"),
                folder.string(), slots.slots.size(), slots.reason);
     if (sweep.repeated > 0)

@@ -246,13 +246,8 @@ class Reader {
 bool override_searched(SearchSpace& space, const std::string& key, const std::string& values) {
     const auto setting = std::ranges::find(space.settings, key, &SearchedSetting::key);
     if (setting == space.settings.end()) return false;
-    const auto range = number_range(values);
-    *setting = {.key = key, .values = Choices()};
-    if (range) {
-        setting->values = *range;
-    } else {
-        setting->values = split(values, ',');
-    }
+    *setting = {.key = key, .values = split(values, ',')};
+    if (const auto range = number_range(values)) setting->values = *range;
     return true;
 }
 

@@ -22,7 +22,7 @@
 namespace {
 
 /// `cale help` and `cale help COMMAND` are `cale --help` and `cale COMMAND --help`.
-std::vector<std::string> words_of(int argc, char** argv) {
+std::vector<std::string> arguments_of(int argc, char** argv) {
     std::vector<std::string> words(argv + 1, argv + argc);
     if (!words.empty() && words.front() == "help") {
         words.erase(words.begin());
@@ -75,7 +75,7 @@ int main(int argc, char** argv) {
     cale::add_sweep(app, exit_code);
     cale::refuse_forgotten_values(app);
 
-    const auto words = words_of(argc, argv);
+    const auto words = arguments_of(argc, argv);
     if (words.empty()) {
         std::fputs(app.help().c_str(), stderr);
         return cale::kUsage;

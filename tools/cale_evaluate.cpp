@@ -223,7 +223,7 @@ EvaluationProtocol protocol_of(const Options& options) {
 /// Returns the evaluation of the run's newest checkpoint; none unless all of its games were played by that
 /// checkpoint's policy.
 std::optional<EvaluationResult> result_of_newest(const fs::path& run, const EvaluationProtocol& protocol) {
-    const auto steps = newest_checkpoint(run);
+    const auto steps = newest_checkpoint_step(run);
     if (!steps) return std::nullopt;
     try {
         return evaluation_result(evaluations_folder(run, protocol), *steps,

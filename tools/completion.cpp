@@ -24,7 +24,7 @@ struct Completion {
 
 /// This member of all items, with spaces between.
 template <class Items, class Member>
-std::string words_of(const Items& items, Member member) {
+std::string joined_members(const Items& items, Member member) {
     std::vector<std::string_view> words;
     words.reserve(items.size());
     for (const auto& item : items) words.push_back(std::invoke(member, item));
@@ -39,7 +39,7 @@ Completion completion_of(std::string_view value) {
         std::ranges::replace(words, ',', ' ');
         return {Kind::words, words};
     }
-    if (value == "GAME") return {Kind::words, words_of(all_games(), &Game::rom)};
+    if (value == "GAME") return {Kind::words, joined_members(all_games(), &Game::rom)};
     if (value == "DEVICE") return {Kind::words, "auto cpu cuda"};
     if (value == "KEY=VALUE") return {Kind::setting};
     if (value == "FILE.yaml") return {Kind::yaml_file};
@@ -108,7 +108,7 @@ std::string bash_script(std::span<const CommandWords> programs) {
         script += fmt::format("_cale_in_{}() {{\n", name);
         if (!command.settings.empty()) {
             script += fmt::format("    local keys='{}'\n    case $key in\n",
-                                  words_of(command.settings, &SettingWords::key));
+                                  joined_members(command.settings, &SettingWords::key));
             for (const auto& setting : command.settings) {
                 if (!setting.values.empty())
                     script += fmt::format("        {}) _cale_words '{}'; return ;;\n", setting.key,
@@ -123,14 +123,14 @@ std::string bash_script(std::span<const CommandWords> programs) {
                 script += fmt::format("        {}) {}; return ;;\n", option.name, bash_action(completion));
         }
         script += fmt::format("    esac\n    case $cur in\n        -*) _cale_words '{}' ;;\n",
-                              words_of(command.options, &OptionWords::name));
+                              joined_members(command.options, &OptionWords::name));
         const auto argument =
             command.subcommands.empty()
                 ? completion_of(command.argument)
-                : Completion{Kind::words, words_of(command.subcommands, &CommandWords::name)};
+                : Completion{Kind::words, joined_members(command.subcommands, &CommandWords::name)};
         script += fmt::format("        *) {} ;;\n    esac\n}}\n", bash_action(argument));
     });
-    return script + fmt::format("complete -F _cale {}\n", words_of(programs, &CommandWords::name));
+    return script + fmt::format("complete -F _cale {}\n", joined_members(programs, &CommandWords::name));
 }
 
 // ---- zsh ----------------------------------------------------------------------------
@@ -181,7 +181,7 @@ std::string zsh_settings(const CommandWords& command, const std::string& name) {
 }
 
 std::string zsh_script(std::span<const CommandWords> programs) {
-    const std::string names = words_of(programs, &CommandWords::name);
+    const std::string names = joined_members(programs, &CommandWords::name);
     std::string script = fmt::format(
         "#compdef {}\n# Completion of cale's programs for zsh. Made by `cale completion zsh`.\n", names);
     for_each_command(programs, [&](const CommandWords& command, const std::string& name) {

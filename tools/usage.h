@@ -1,4 +1,5 @@
-// The errors of `cale` for invalid command lines: one sentence with the option, the value and the remedy.
+// What the commands of `cale` share: checks of options, of files and folders that are written, and of
+// environments. Each error is one sentence with the option, the value and the remedy.
 #pragma once
 
 #include <cstdint>

@@ -344,10 +344,12 @@ std::optional<StoredCheckpoint> newest_whole_checkpoint(const fs::path& run_dir)
 
 void set_aside_damaged(const fs::path& run_dir, const fs::path& resumed) {
     const auto all = list_checkpoints(run_dir);
-    for (auto folder = std::ranges::find(all, resumed); folder != all.end() && ++folder != all.end();) {
-        const fs::path aside = folder->string() + kDamaged;
+    const auto found = std::ranges::find(all, resumed);
+    if (found == all.end()) return;
+    for (const auto& folder : std::span(std::next(found), all.end())) {
+        const fs::path aside = folder.string() + kDamaged;
         fs::remove_all(aside);
-        fs::rename(*folder, aside);
+        fs::rename(folder, aside);
     }
 }
 

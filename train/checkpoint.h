@@ -60,7 +60,7 @@ struct RunState {
     double seconds = 0;                       // spent training, over all sessions
     std::vector<double> recent_returns{};     // of the last 100 episodes, oldest first
     std::int64_t episodes_offset = 0;         // bytes of episodes.csv that belong to the run so far
-    std::int64_t progress_rows = 0;           // reports in progress.csv
+    std::int64_t progress_rows = 0;           // of progress.csv that belong to the run so far
     bool evaluation_due = false;              // one was interrupted: it is played on resume
     std::optional<Score> score{};             // at this step; none where none was due
     std::map<std::string, double> metrics{};  // newest of the agent and the world
@@ -126,12 +126,12 @@ std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path&
 /// The same; throws ResumeError, which says what the folder is instead, where there are none.
 std::vector<std::filesystem::path> require_checkpoints(const std::filesystem::path& run_dir);
 
-/// Returns whether the folder holds a run's checkpoint (the first is written before the first step) or
-/// anything else that a new run would destroy.
+/// Returns whether the folder holds a run's checkpoint (the first is written before the first step), a row of
+/// episodes.csv, or a progress.csv that is not empty.
 bool has_begun(const std::filesystem::path& run_dir);
 
-/// Returns the newest checkpoint that is whole, which is the one that load_newest_checkpoint() takes; none
-/// where none is. Throws UnreadableNow.
+/// Returns the newest checkpoint that is whole, which is the one that load_newest_checkpoint() takes,
+/// unless it refuses a newer one for its format; none where none is. Throws UnreadableNow.
 std::optional<StoredCheckpoint> newest_whole_checkpoint(const std::filesystem::path& run_dir);
 
 /// Renames the checkpoints after `resumed`, which are damaged, to step_N.damaged: neither the run's tables,

@@ -16,10 +16,12 @@ namespace cale {
 /// and what is wrong with it.
 Policy policy_of(const std::filesystem::path& path, torch::Device device = torch::kCPU);
 
-/// The contents of the policy file of that path: a policy file's own, or made from a checkpoint.
+/// Returns the contents, as bytes, of the policy file of such a path: a policy file's own, or made from a
+/// checkpoint. Throws as policy_of() does.
 std::string policy_file_of(const std::filesystem::path& path);
 
-/// Writes it atomically to `output`. Returns its description.
+/// Writes the policy file of `path`, see policy_file_of(), atomically to `output`. Returns the policy's
+/// description. Throws as policy_of() does, and std::system_error.
 PolicyInfo export_policy(const std::filesystem::path& path, const std::filesystem::path& output);
 /// The same network as an ONNX model: input "observation" [N, stack, 84, 84] or [N, stack, bytes] uint8, as
 /// the policy sees; outputs "action", [N, coordinates] float32 or [N] int64, which is the greedy one, and

@@ -120,7 +120,7 @@ std::optional<Metadata> Metadata::read(const fs::path& run_dir) {
     if (const auto key = wrong_key(json))
         refuse(
             fmt::format("its {} is {}", *key, json[*key].dump(-1, ' ', /*ensure_ascii=*/true).substr(0, 60)));
-    metadata.has_begun_ = false;
+    metadata.has_this_session_ = false;
     metadata.seconds_before_ = json.value("wall_seconds", 0.0);
     return metadata;
 }
@@ -147,7 +147,7 @@ bool Metadata::finished() const {
 void Metadata::resume(const Session& session, double trained_seconds) {
     auto& json = contents_->json;
     if (!json.contains("wall_seconds")) seconds_before_ = trained_seconds;
-    has_begun_ = true;
+    has_this_session_ = true;
     json["resumed"].push_back(described(session));
     json["finished"] = false;
     json["stopped"] = nullptr;

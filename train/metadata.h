@@ -4,7 +4,8 @@
 //     cale, commit, ale, libtorch, command, started,         the first session
 //     host, cpu, device, threads, processes
 //     wall_seconds                                           of all sessions, evaluations included
-//     finished, stopped                                      why it ended early; null: it runs, or was killed
+//     finished, stopped                                      whether it came to its end; why it ended before
+//                                                            (null: it did not, or was killed)
 //     resumed                                                the later sessions, with the same keys
 //     schedule_over_run                                      see agents/agent.h
 //     accepted_changes                                       settings changed during the run, and when
@@ -60,7 +61,7 @@ class Metadata {
     /// it.
     void resume(const Session& session, double trained_seconds);
     /// Whether this process's session is part of them: of a run that is resumed, once it has begun.
-    bool has_begun() const { return has_begun_; }
+    bool has_this_session() const { return has_this_session_; }
     void add_change(const std::string& changes);
     /// The newest of these; empty where there is none.
     std::string newest_change() const;
@@ -77,7 +78,7 @@ class Metadata {
     explicit Metadata(const std::filesystem::path& run_dir);
     std::filesystem::path file_;
     std::unique_ptr<Contents> contents_;
-    bool has_begun_ = true;
+    bool has_this_session_ = true;
     double seconds_before_ = 0;  // of earlier sessions
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };

@@ -251,8 +251,8 @@ std::vector<ConfigDifference> changes_since(const TrainingProgram& program, cons
     return program.table.differences(run_dir / "config.yaml");
 }
 
-/// What is behind a run cannot be undone. It ends with all environments' first step at or beyond
-/// train.total_steps.
+/// Throws ResumeError for a checkpoint beyond the run's end, which is the first step of all environments at
+/// or beyond train.total_steps.
 void check_length(const TrainingProgram& program, const fs::path& run_dir, const fs::path& checkpoint) {
     const auto step = step_in(checkpoint).value_or(0);
     if (step - program.settings.train.total_steps >= program.num_envs) {
@@ -280,7 +280,7 @@ std::optional<Metadata> read_metadata(const fs::path& run_dir) {
     }
 }
 
-/// How a run goes on otherwise than before.
+/// What --accept-changes lets differ from the checkpoint.
 struct AcceptedChanges {
     std::string different{};           // as a list for a sentence
     bool evaluates_otherwise = false;  // an evaluation is to be played by other settings
@@ -357,7 +357,7 @@ Outcome train_on_record(Agent& agent, const TrainingWorld& world, const RunSetti
     } catch (const ResumeError&) {
         throw;  // nothing has been trained
     } catch (const std::exception& error) {
-        if (!metadata->has_begun()) throw;  // nor here
+        if (!metadata->has_this_session()) throw;  // nor here
         try {
             metadata->stop(failure_sentence(error));
             metadata->write();

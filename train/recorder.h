@@ -32,7 +32,7 @@ class Recorder {
     /// Must be called after each update of the agent.
     void after_update();
     /// Must be called after an agent step of all environments: `before` is the run's step before it, `ended`
-    /// the episodes that ended in it.
+    /// the episodes that ended in it; it is empty afterwards.
     void after_step(std::int64_t before, std::vector<Episode>& ended);
     /// Returns whether the run must end early; the same in all processes.
     bool stop() const { return stop_; }

@@ -79,7 +79,7 @@ fs::path run_above(const fs::path& folder) {
     return {};
 }
 
-std::optional<std::int64_t> newest_checkpoint(const fs::path& run) {
+std::optional<std::int64_t> newest_checkpoint_step(const fs::path& run) {
     return newest_step(run / "checkpoints");
 }
 

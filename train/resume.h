@@ -1,4 +1,4 @@
-// Checks before a run is resumed: its progress, and which of its settings may change.
+// What a run's folder is, and which of a run's settings may change on resume.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +31,6 @@ bool has_run_record(const std::filesystem::path& folder);
 std::filesystem::path run_above(const std::filesystem::path& folder);
 
 /// Returns the step of a run's newest checkpoint; none if it has none.
-std::optional<std::int64_t> newest_checkpoint(const std::filesystem::path& run);
+std::optional<std::int64_t> newest_checkpoint_step(const std::filesystem::path& run);
 
 }  // namespace cale

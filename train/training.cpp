@@ -14,7 +14,7 @@
 namespace cale {
 namespace {
 
-/// Agent::update(). What it spends on its batches counts as the replay's time.
+/// Agent::update(). What it spends on its batches counts as `replay` and `transfer`.
 void update(Agent& agent, const Collector& collector, Recorder& recorder) {
     auto& time = recorder.time;
     const auto before = agent.memory_time();

@@ -39,8 +39,8 @@ struct TrainOptions {
 enum class Outcome { finished, paused, interrupted };
 
 /// Trains `agent` for train.total_steps agent steps and leaves in the run's folder
-/// progress.csv, episodes.csv, TensorBoard events, checkpoints/, learning_curve.svg and,
-/// if evaluations are enabled, eval/ and videos/.
+/// progress.csv, episodes.csv, joystick_events.csv, TensorBoard events, checkpoints/, learning_curve.svg
+/// and .png and, if evaluations are enabled, eval/ and videos/.
 ///
 /// Pauses at TrainOptions::until after a checkpoint, as if it had been interrupted there.
 /// SIGINT, SIGTERM and SIGHUP end it early, after a checkpoint (terminal/stop_signals.h). Throws
