@@ -9,16 +9,23 @@
 namespace cale {
 namespace {
 
-/// What a training program prints of a Value that it has read from the text; none where it reads no Value.
+/// The Value that a training program reads from the text; none where it reads no Value.
 template <class Value>
-std::optional<std::string> printed_as(const std::string& text) {
+std::optional<Value> read_as(const std::string& text) {
     Value value{};
     try {
         read_setting("", {}, text, &value);
     } catch (const std::invalid_argument&) {
         return std::nullopt;
     }
-    return written_setting(&value);
+    return value;
+}
+
+/// What it prints of that.
+template <class Value>
+std::optional<std::string> printed_as(const std::string& text) {
+    auto value = read_as<Value>(text);
+    return value ? std::optional(written_setting(&*value)) : std::nullopt;
 }
 
 }  // namespace
@@ -45,11 +52,7 @@ std::int64_t integer_in(const std::string& text) {
 }
 
 std::optional<std::int64_t> if_integer(const std::string& text) {
-    try {
-        return integer_in(text);
-    } catch (const ConfigError&) {
-        return std::nullopt;
-    }
+    return read_as<std::int64_t>(text);
 }
 
 }  // namespace cale

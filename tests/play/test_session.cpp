@@ -112,7 +112,7 @@ TEST(PlayEmulator, APausedGameStandsStill) {
     Player player;
     std::size_t before = 0, after = 0;
     player.moves = [&](int step, Hands& hands) {
-        press(hands, "Space", step < 5);  // the ball of a game that goes on moves in every step
+        press(hands, "Space", step < 5);  // the ball of a game that continues moves in every step
         if (step == 6) before = player.pictures.size();
         if (step == 34) after = player.pictures.size();
         if (step == 6 || step == 34) return Command::pause;

@@ -262,14 +262,15 @@ TEST_F(LocalSweep, ARunThatCameFurtherIsTriedAgainBehindTheOthers) {
 
 TEST_F(LocalSweep, ASecondInterruptKillsARunThatDoesNotStop) {
     auto runs = fake_.runs({"slow"});
-    runs[0].program = fake_.write_script("train_deaf",
-                                         "#!/bin/bash\nhere=$(dirname $0)\ntrap 'touch $here/told' TERM\n"
-                                         "touch $here/ready_slow_0\n"
-                                         "for i in {1..500}; do sleep 0.02; done\ntouch $here/survived\n");
+    runs[0].program =
+        fake_.write_script("train_deaf",
+                           "#!/bin/bash\nhere=$(dirname $0)\ntrap 'touch $here/signalled' TERM\n"
+                           "touch $here/ready_slow_0\n"
+                           "for i in {1..500}; do sleep 0.02; done\ntouch $here/survived\n");
     const auto sweep = start(runs);
     ASSERT_TRUE(test::wait_until([&] { return fake_.ready("slow_0"); }));
     ::kill(sweep, SIGINT);
-    ASSERT_TRUE(test::wait_until([&] { return std::filesystem::exists(fake_.path() / "told"); }));
+    ASSERT_TRUE(test::wait_until([&] { return std::filesystem::exists(fake_.path() / "signalled"); }));
     ::kill(sweep, SIGINT);
     EXPECT_EQ(exit_code_of(sweep), 130);
     EXPECT_FALSE(std::filesystem::exists(fake_.path() / "survived"));
@@ -291,7 +292,7 @@ TEST_F(LocalSweep, RunsHaveTheDeviceAndTheCoresOfTheirPlaces) {
                 testing::UnorderedElementsAre(HasSubstr("--threads 3 --device cuda:1 --no-progress\n"),
                                               HasSubstr("--threads 3 --device cuda:2 --no-progress\n")));
     EXPECT_THAT(pinned, testing::EndsWith("\t" + std::to_string(core) + "\n"));
-    EXPECT_EQ(std::ranges::count(pinned, '\n'), 2) << "another try would end likewise";
+    EXPECT_EQ(std::ranges::count(pinned, '\n'), 2) << "another try would end the same way";
 }
 
 }  // namespace

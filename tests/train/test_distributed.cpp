@@ -2,13 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cctype>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
-#include <sstream>
 #include <string>
 #include <thread>
 
@@ -17,6 +15,7 @@
 #include <fmt/format.h>
 #include <torch/types.h>
 
+#include "report/csv.h"
 #include "storage/files.h"
 #include "support/free_port.h"
 #include "support/temporary_folder.h"
@@ -141,11 +140,9 @@ TEST_F(DistributedEmulator, WhatAMovingStickReachesIsCountedByFrames) {
     // point.
     for (const auto* name : {"episodes.csv", "joystick_events.csv"})
         EXPECT_EQ(read_file(run("two") / name), read_file(run("one") / name)) << name;
-    std::istringstream table(read_file(run("two") / "joystick_events.csv"));
     std::int64_t events = 0;
-    for (std::string line; std::getline(table, line);)
-        if (const auto comma = line.find(','); std::isdigit(line.at(comma + 1)) != 0)
-            events += std::stoll(line.substr(comma + 1));
+    for (const auto& row : read_whole_csv(run("two") / "joystick_events.csv").rows)
+        events += std::stoll(row.at(1));
     EXPECT_GT(events, 2 * 80) << "four frames a step";
 }
 

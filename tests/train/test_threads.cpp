@@ -29,7 +29,6 @@ TEST(Threads, AMeasurementStaysWithinWhatItIsAllowed) {
 
 TEST(Threads, Bf16IsMultipliedWhereTheKernelListsTheInstructions) {
     const auto processor = read_file("/proc/cpuinfo");
-    if (processor.find("\nflags") == processor.npos) GTEST_SKIP() << "no x86 processor";
     EXPECT_EQ(multiplies_bf16(), processor.find(" avx512_bf16") != processor.npos);
 }
 

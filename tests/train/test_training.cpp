@@ -128,9 +128,10 @@ class TrainingEmulator : public testing::Test {
     /// Trains a scribe in a `Made`, which is made of `arguments`.
     template <class Made, class... Arguments>
     Outcome train_in(Arguments... arguments) {
-        ScribeAgent agent(1);
         TrainingWorld world;
         world.id = world.name = "Made";
+        world.num_envs = Made(arguments...).size();
+        ScribeAgent agent(world.num_envs);
         world.make = [=](std::span<const std::uint32_t>) { return std::make_unique<Made>(arguments...); };
         return cale::train(agent, world, {train_config, eval, log}, options);
     }
@@ -857,12 +858,7 @@ class TwoLengths final : public BlankWorld {
 TEST_F(TrainingEmulator, CountsTheReturnsOfEveryEnvironment) {
     eval.episodes = 0;
     train_config.total_steps = 12;
-    ScribeAgent agent(2);
-    TrainingWorld world;
-    world.id = world.name = "Made";
-    world.num_envs = 2;
-    world.make = [](std::span<const std::uint32_t>) { return std::make_unique<TwoLengths>(); };
-    EXPECT_EQ(cale::train(agent, world, {train_config, eval, log}, options), Outcome::finished);
+    EXPECT_EQ(train_in<TwoLengths>(), Outcome::finished);
     std::multiset<std::tuple<double, int, int>> episodes;  // return, length, environment
     for (const auto& row : lines("episodes.csv")) {
         double episode_return = 0, seconds = 0;
