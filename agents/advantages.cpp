@@ -14,6 +14,7 @@ Advantages generalized_advantages(const torch::Tensor& reward, const torch::Tens
     require_shape("generalized_advantages", "next_value", next_value, reward.sizes().slice(1));
     const auto advantage = torch::zeros_like(reward);
     auto following_value = next_value, following_advantage = torch::zeros_like(next_value);
+    // Equation 16's sum as a recursion from its end: A_t = delta_t + gamma lambda A_{t+1}.
     for (std::int64_t t = reward.size(0) - 1; t >= 0; --t) {
         const auto not_done = 1 - terminal[t];
         const auto delta = reward[t] + gamma * following_value * not_done - value[t];

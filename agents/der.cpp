@@ -19,6 +19,10 @@ torch::Tensor importance_weights(const torch::Tensor& probability, double expone
     return weights / weights.max();
 }
 
+torch::Tensor priorities(const torch::Tensor& loss, double exponent) {
+    return (loss + kTiny).pow(exponent);
+}
+
 // Loss --------------------------------------------------------------------------------
 
 namespace {
@@ -57,7 +61,7 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
     const auto support = support_of(config, output.options());
     const auto predicted = gather_outputs(output, batch.action);  // [B, atoms]
 
-    torch::Tensor expected;  // [B, atoms], or [B, 1] if not distributional
+    torch::Tensor y;  // C51's projected distribution [B, atoms], or [B, 1] if not distributional
     {
         const torch::NoGradGuard no_grad;
         const auto next = target(batch.next_observation, &noise.target);
@@ -66,17 +70,16 @@ DerLosses der_losses(QNetwork& network, QNetwork& target, const Batch& batch,
         const auto evaluated = gather_outputs(next, action_values(choosing, support).argmax(1));
         const auto returns = n_step_target(batch, config.distributional ? support.unsqueeze(0) : evaluated,
                                            config.replay.reward_scale);
-        expected =
-            config.distributional ? project_distribution(returns, evaluated.softmax(1), support) : returns;
+        y = config.distributional ? project_distribution(returns, evaluated.softmax(1), support) : returns;
     }
-    const auto per_transition = config.distributional ? cross_entropy(expected, predicted)
-                                                      : (predicted - expected).square().squeeze(1);
+    const auto per_transition =
+        config.distributional ? cross_entropy(y, predicted) : (predicted - y).square().squeeze(1);
     const auto q = config.distributional ? expected_return(predicted, support) : predicted.squeeze(1);
     return {.loss = (loss_weights.to(type) * per_transition).mean(),
             .per_transition = per_transition.detach(),
-            .priorities = (per_transition.detach() + kTiny).pow(config.priority_exponent),
+            .priorities = priorities(per_transition.detach(), config.priority_exponent),
             .q = q.detach(),
-            .target = config.distributional ? expected : expected.squeeze(1)};
+            .target = config.distributional ? y : y.squeeze(1)};
 }
 
 DerLosses der_update(QState& state, const Batch& batch, const torch::Tensor& loss_weights,

@@ -62,8 +62,11 @@ void fields(DerConfig& config, Visit&& visit) {
           "where prioritised: beta of the importance weights");
 }
 
-/// PER's importance weights [B], over their largest.
+/// PER's importance weights (N P)^-beta [B], over their largest, by which N cancels.
 torch::Tensor importance_weights(const torch::Tensor& probability, double exponent);
+/// PER's priorities [B] to the power of alpha: a transition's loss [B] stands for the TD error, as in
+/// Rainbow.
+torch::Tensor priorities(const torch::Tensor& loss, double exponent);
 
 /// The draws of one update.
 struct DerNoise {

@@ -29,7 +29,7 @@ std::int64_t memory_beside_batch(const BatchNetwork& network, std::int64_t batch
         std::int64_t units = 0;
         for (const auto& layer : sized_layers(network.acting))
             if (layer.kind == Layer::Kind::conv) units += layer.out.count();
-        // A dense layer and a norm have as many numbers as their bias has.
+        // A dense layer has as many numbers as its bias; a norm and a noisy layer are counted twice.
         for (const auto& parameter : network.whole.parameters())
             if (parameter.dim() == 1) units += parameter.numel();
         needed += (observation + 2 * units) * batch_size * (spec.precision == Precision::bf16 ? 2 : 4);

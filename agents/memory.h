@@ -35,8 +35,8 @@ struct BatchNetwork {
 
 /// Returns the bytes of `available` that remain beside a gradient step on `batch_size` observations: these
 /// and as many next ones as bytes, these as numbers, and the results of the acting half's convolutions and of
-/// all dense layers and norms, with their gradients. That is a lower bound: what LibTorch keeps beside it
-/// takes up to one and a half times as much again. On a device other than the CPU only the bytes count.
+/// all dense layers and norms, with their gradients. That is less than is needed: what LibTorch keeps beside
+/// it takes up to one and a half times as much again. On a device other than the CPU only the bytes count.
 /// Throws std::runtime_error, naming both figures and the setting `key` to lower, where they do not fit.
 std::int64_t memory_beside_batch(const BatchNetwork& network, std::int64_t batch_size, const AgentSpec& spec,
                                  std::int64_t available, std::string_view key);

@@ -179,7 +179,7 @@ struct ActContext {
 
 /// An agent that learns from a replay. `Algorithm` has
 ///     Algorithm(const Config&, const AgentSpec&)       networks, targets, optimisers
-///     Config config                with replay, epsilon, learning_rate, kName and kDiscrete
+///     Config config                                    with replay, epsilon and learning_rate
 ///     Losses learn(const Batch&, at::Generator)        one gradient step; on a CUDA device recorded as a
 ///                                                      graph (agents/captured_update.h)
 ///     Tensor act(const Tensor& observations, const ActContext&)
@@ -188,6 +188,8 @@ struct ActContext {
 ///     static constexpr bool kDrawsInUpdates            whether learn() uses its generator
 /// and, where it has them,
 ///     acting_network()->acting, or network->acting     the specification that policies are exported by
+///     Config::kName and kDiscrete                      a world of the other kind of actions is refused
+///     config.random_actions                            the box of uniform actions: must fit the world's
 ///     config.sampled_evaluation, and acting_network()  whether evaluations draw their actions
 ///     void copy_to_target()                            every config.target_update_period decisions
 ///     config.prioritised                               with Losses::priorities [B]

@@ -337,19 +337,19 @@ class OnPolicy final : public Agent {
         };
         const auto unexplained = variance(whole.returns - whole.old_value) / (variance(whole.returns) + 1e-8);
         const auto numbers = torch::cat({mean_losses, (1 - unexplained).view({1})}).cpu();
-        std::map<std::string, double> figures{{"charts/learning_rate", state_.adam.learning_rate()}};
+        std::map<std::string, double> result{{"charts/learning_rate", state_.adam.learning_rate()}};
         std::int64_t i = 0;
-        for (const auto& name : names_) figures["losses/" + name] = numbers[i++].item<double>();
-        figures["losses/explained_variance"] = numbers[i].item<double>();
-        if (whole.action.dim() == 1) return figures;
+        for (const auto& name : names_) result["losses/" + name] = numbers[i++].item<double>();
+        result["losses/explained_variance"] = numbers[i].item<double>();
+        if (whole.action.dim() == 1) return result;
         std::vector<torch::Tensor> coordinates;
         for (const auto& coordinate : whole.action.unbind(1))
             coordinates.push_back(moments(coordinate, processes_).mean);
-        add_mean_action(figures, spec_.action_space, torch::stack(coordinates));
+        add_mean_action(result, spec_.action_space, torch::stack(coordinates));
         // The same in every state.
         const auto policy = state_.network(whole.observation.slice(0, 0, 1)).policy;
-        figures["charts/mean_log_std"] = policy.gaussian->log_std.mean().item<double>();
-        return figures;
+        result["charts/mean_log_std"] = policy.gaussian->log_std.mean().item<double>();
+        return result;
     }
 
     StateParts parts() {

@@ -31,7 +31,7 @@ PpoLosses ppo_losses(PpoNetwork& network, const RolloutBatch& minibatch, const P
     const auto actor =
         -mean(torch::minimum(ratio * minibatch.advantage, clipped_ratio * minibatch.advantage));
 
-    // PPO's equation 9: the squared error, of which the larger with and without clipping counts.
+    // L^VF of PPO's equation 9, halved; clipped as in OpenAI Baselines, where the larger error counts.
     auto squared_error = (value - minibatch.returns).square();
     if (config.clip_value_loss) {
         const auto clipped_delta = (value - minibatch.old_value).clamp(-config.clip, config.clip);
@@ -41,9 +41,10 @@ PpoLosses ppo_losses(PpoNetwork& network, const RolloutBatch& minibatch, const P
     const auto critic = 0.5 * mean(squared_error);
     const auto mean_entropy = mean(entropy(policy));
 
+    // PPO's equation 9, negated.
     const auto combined =
         actor + config.value_coefficient * critic - config.entropy_coefficient * mean_entropy;
-    const auto change = ratio.detach() - 1;
+    const auto change = ratio.detach() - 1;  // r - 1 - log r estimates the KL divergence without bias
     return {combined,
             actor.detach(),
             critic.detach(),

@@ -43,8 +43,8 @@ struct PpoLosses {
 /// std::invalid_argument, naming both shapes, where the minibatch does not fit together.
 PpoLosses ppo_losses(PpoNetwork& network, const RolloutBatch& minibatch, const PpoConfig& config);
 
-/// Makes one gradient step at the scheduled learning rate, on normalised advantages. Returns the losses
-/// before it, detached.
+/// Makes one gradient step, as the agent makes it where it is alone (on_policy()): at the scheduled learning
+/// rate, on normalised advantages. Returns the losses before it, detached. For tests and benchmarks.
 PpoLosses ppo_update(OnPolicyState& state, const RolloutBatch& minibatch, const PpoConfig& config);
 
 /// Tags: losses/{loss, policy_loss, value_loss, entropy, approx_kl, clipfrac}, and those of on_policy(), as

@@ -15,9 +15,9 @@ struct Game {
     std::string_view name;  // as in Gymnasium's ids: "MsPacman"
     std::string_view rom;   // as ALE calls it, and its ROM file without ".bin": "ms_pacman"
     bool in_atari100k;      // one of the 26 games of Atari 100k (Kaiser et al. 2020)
-    // Scores of a random agent and of a human (Mnih et al. 2015, Wang et al. 2016); five games have none.
+    // Scores of a random agent and of a human (Mnih et al. 2015, Wang et al. 2016); some games have none.
     std::optional<double> random_score;
-    std::optional<double> human_score;  // a human's
+    std::optional<double> human_score;
     int minimal_action_count;           // joystick events that the game tells apart
 };
 

@@ -54,7 +54,8 @@ inline double paddle_position(double x) {
     return (x + 1) / 2;
 }
 
-/// Returns the joystick for action number (3 x + y) 2 + fire of `factored`. Throws std::out_of_range.
+/// Returns the joystick for action number (3 x + y) 2 + fire of `factored`, with x and y 0, 1, 2 for left or
+/// down, centre, right or up. Throws std::out_of_range.
 ContinuousAction factored_stick(std::int64_t action);
 /// Returns the events of the 18 actions of `factored`.
 std::span<const Event> factored_events();

@@ -151,8 +151,8 @@ class GameInPlay {
 
 using Games = std::vector<std::unique_ptr<GameInPlay>>;  // a row is free where there is none
 
-/// Begins the games `numbers` in those of their rows that are free. An emulator takes a tenth of a second to
-/// start: all together.
+/// Begins game numbers[i] in row rows[i] where that is free; in parallel, as an emulator takes a tenth of a
+/// second to start.
 void begin_games(const EvaluationPlan& plan, const std::vector<std::int64_t>& rows,
                  const std::vector<std::int64_t>& numbers, FrameStack& stack, Games& games) {
     at::parallel_for(0, std::ssize(rows), 1, [&](std::int64_t first, std::int64_t last) {
@@ -226,6 +226,17 @@ std::int64_t games_of_steps(std::int64_t steps, const std::vector<EvaluatedGame>
     std::size_t count = 0;
     for (std::int64_t sum = 0; count < lengths.size() && sum < steps; ++count) sum += lengths[count];
     return static_cast<std::int64_t>(count);
+}
+
+/// Removes the step logs and the film of games that were begun and have no part in the evaluation; a film
+/// that was interrupted stays.
+void remove_dropped(const EvaluationPlan& plan, std::int64_t begun, const Evaluation& evaluation) {
+    const auto games = std::ssize(evaluation.games);
+    if (!plan.step_logs.empty())
+        for (auto number = games; number < begun; ++number)
+            std::filesystem::remove(step_log_file(plan, number));
+    if (!plan.video.empty() && plan.filmed_game >= games && !evaluation.interrupted)
+        std::filesystem::remove(plan.video);
 }
 
 void add_up(Evaluation& evaluation) {
@@ -331,11 +342,7 @@ Evaluation evaluate(const Decide& decide, const EvaluationPlan& plan) {
             if (game && game->number() >= enough) game.reset();
     }
     evaluation.games.resize(static_cast<std::size_t>(games_of_steps(plan.steps, evaluation.games, games)));
-    for (auto number = std::ssize(evaluation.games); number < schedule.begun() && !plan.step_logs.empty();
-         ++number)
-        std::filesystem::remove(step_log_file(plan, number));
-    if (!plan.video.empty() && plan.filmed_game >= std::ssize(evaluation.games) && !evaluation.interrupted)
-        std::filesystem::remove(plan.video);
+    remove_dropped(plan, schedule.begun(), evaluation);
     add_up(evaluation);
     return evaluation;
 }

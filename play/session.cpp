@@ -70,7 +70,8 @@ class Show {
         return cale::stick(Joystick::paddle, std::array{static_cast<float>(knob_), asked.fire});
     }
 
-    /// Shows and films a moment of a game, waits for the next one, as long as the game is paused.
+    /// Shows and films a moment of a game, then waits for the next one; while the game is paused, until it is
+    /// continued.
     Command present(const Env& env, const Scene& scene) { return present(compose_frame(env, scene), scene); }
     /// `times`: so often in a film.
     Command present(const Image& picture, const Scene& scene, std::int64_t times = 1) {
@@ -208,17 +209,17 @@ class Screen {
 StepResult step_in_real_time(const PlayPlan& plan, RealTimeGame& game, const FrameStack& stack,
                              std::int64_t number, Show& show, std::span<std::uint8_t> frame,
                              std::span<std::uint8_t> last_frame, Scene& scene) {
-    std::vector<StepResult> results(1);
+    StepResult result;
     if (!plan.decide) {
         scene.action = show.stick();
         const bool paddle = plan.env.paddle == Paddle::absolute;
         const auto stick = coordinates_of(paddle ? Joystick::paddle : Joystick::polar, *scene.action);
-        game.step(std::span<const float>(stick), frame, last_frame, results);
-        return results[0];
+        game.step(std::span<const float>(stick), frame, last_frame, {&result, 1});
+        return result;
     }
     const auto actions = choose(plan, stack, number, scene);
-    game.step(view_of_actions(actions), frame, last_frame, results);
-    return results[0];
+    game.step(view_of_actions(actions), frame, last_frame, {&result, 1});
+    return result;
 }
 
 RealTimeCounts play_in_real_time(const PlayPlan& plan, Show& show) {

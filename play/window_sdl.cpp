@@ -56,7 +56,7 @@ struct Video {
 struct Window::Impl {
     Impl(int picture_width, int picture_height, const Dial& joystick)
         : width(picture_width), height(picture_height), dial(joystick) {
-        // A picture is shown at the size of the window; where the mouse is stays in its pixels.
+        // A picture is scaled to the window, and SDL says where the mouse is in the picture's pixels.
         SDL_RenderSetLogicalSize(renderer.get(), width, height);
     }
 

@@ -122,7 +122,7 @@ cale_policy* cale_policy_load(const char* path) {
 
 cale_policy* cale_policy_parse(const void* contents, size_t size) {
     return guarded<cale_policy*>(nullptr, [&] {
-        require(contents, "the policy's contents");
+        require(contents, "the address of the contents");
         return new cale_policy{cale::lite::Policy::parse({static_cast<const char*>(contents), size})};
     });
 }
@@ -195,7 +195,7 @@ int cale_session_lose_life(cale_session* session) {
 }
 
 int cale_session_due(const cale_session* session) {
-    return session != nullptr && session->observer && session->observer->due() ? 1 : 0;
+    return session != nullptr && session->started && session->observer->due() ? 1 : 0;
 }
 
 int cale_session_act(cale_session* session, int choice, cale_decision* result) {

@@ -22,6 +22,7 @@ namespace cale {
 ///         do {
 ///             game.press(decision.event);
 ///             observer.see(game.screen());
+///             if (game.lost_a_life()) observer.lose_life();
 ///         } while (!observer.due() && !game.over());
 ///     }
 ///
@@ -32,7 +33,8 @@ class Observer {
   public:
     /// Whether frames are what it makes: 84x84, or memory.
     static bool observes(const PolicyInfo& info);
-    /// Throws std::invalid_argument where observes() does not hold, or for fewer rows than 84.
+    /// Throws std::invalid_argument where observes() does not hold, or for rows that no console's screen has:
+    /// fewer than 84, or more than 1024. A policy that reads memory takes no part of the rows.
     explicit Observer(const PolicyInfo& info, int screen_height = 210);
 
     /// A game has begun. Throws std::invalid_argument for a screen of another size.
@@ -41,8 +43,9 @@ class Observer {
     /// does.
     void see(std::span<const std::uint8_t> screen);
     /// Must be called when a life was lost in the newest frame. Where that ends an episode
-    /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of one frame only:
-    /// of the last screens that count.
+    /// (PolicyInfo::life_loss_ends_episode), the next decision is due at once, on a stack of one frame only.
+    /// As in training that is of the newest two among the screens before a decision (the last two of a whole
+    /// step): screens of a step that the life cut short may have no part in it.
     void lose_life();
 
     /// Whether a decision is due: at the start, then after every frame_skip frames.

@@ -14,7 +14,7 @@ std::size_t size(std::int64_t number) {
     return static_cast<std::size_t>(number);
 }
 
-/// Floats of so many that begin with a cache line of their own each.
+/// Returns the number of floats, rounded up to whole cache lines.
 std::size_t whole_lines(std::size_t floats) {
     constexpr std::size_t line = 16;
     return (floats + line - 1) / line * line;

@@ -58,7 +58,7 @@ struct PolicyInfo {
     }
 };
 
-/// Sets the shape of an observation in `info`: [stack, rows, columns] or [stack, bytes].
+/// Sets the shape of an observation in `info`. Must be [stack, rows, columns] or [stack, bytes].
 void set_observation(PolicyInfo& info, const std::vector<std::int64_t>& shape);
 /// Returns that shape.
 std::vector<std::int64_t> observation_shape(const PolicyInfo& info);

@@ -40,6 +40,9 @@ class Workspace {
 /// the weights.
 class Policy {
   public:
+    Policy(const Policy&) = default;  // what is moved from remains a policy
+    Policy& operator=(const Policy&) = default;
+
     /// Reads a policy file (docs/policy_file.md) and checks all of it, including that its network reproduces
     /// the golden output. Nothing in a file is executed: untrusted files are safe to open. Throws
     /// std::runtime_error, one sentence with the file's name and what is wrong with it.
@@ -57,7 +60,7 @@ class Policy {
 
     /// Memory for one thread that acts with this policy, on up to so many observations at a time: they share
     /// each pass over the weights. Eight are worth it; more only cost memory. Throws std::invalid_argument
-    /// for 0 and std::length_error for more than any memory has room for.
+    /// for 0, std::length_error for more than any memory has room for, and std::bad_alloc.
     Workspace workspace(std::size_t observations = 1) const;
 
     /// The greedy decision on an observation [stack, frame_height, frame_width]. Allocates nothing.
@@ -75,9 +78,11 @@ class Policy {
     void act(std::span<const std::uint8_t> observations, std::span<Decision> decisions, Workspace& workspace,
              Choice choice, std::mt19937_64& random) const;
 
-    /// The network's output for one observation; valid until the workspace is used again.
+    /// The network's output for one observation, which may be infinite or NaN; valid until the workspace is
+    /// used again. Throws std::invalid_argument as act() does.
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
-    /// That of the last observation acted on alone with this workspace, with the noise that was drawn.
+    /// That of the last observation acted on alone with this workspace, with the noise that was drawn; zeros
+    /// before the first.
     std::span<const float> newest_output(const Workspace& workspace) const;
 
   private:
@@ -88,7 +93,8 @@ class Policy {
 };
 
 /// Returns the decision for a draw u of a policy's Gaussian, before the tanh. Throws std::invalid_argument
-/// unless it has as many numbers as the policy's joystick has coordinates.
+/// unless it has as many numbers as the policy's joystick has coordinates, none of them NaN; also for
+/// `factored`, which has none.
 Decision squashed_decision(const PolicyInfo& info, std::span<const float> u);
 
 /// The instruction set that this library computes with on this machine: "avx512", "avx2" or "portable".

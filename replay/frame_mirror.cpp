@@ -57,7 +57,7 @@ void FrameMirror::gather(const FrameRing& ring, Batch& batch) {
     auto* shown = shown_.data_ptr<std::int64_t>();
     const auto blank = ring.frames_capacity;
     for (std::int64_t row = 0; row < rows; ++row) {
-        const auto frames = ring.frames_of(slots[row]);
+        const auto frames = ring.frames_of(slots[row]);  // a slot stands for any number that lies in it
         for (std::int64_t i = 0; i < 2 * depth; ++i) {
             const auto frame = frames[static_cast<std::size_t>(i)];
             shown[(i / depth * rows + row) * depth + i % depth] =

@@ -1,10 +1,10 @@
 #include "sweep/child.h"
 
+#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <system_error>
 
 #include <fcntl.h>
@@ -18,9 +18,15 @@ namespace cale {
 namespace {
 
 constexpr int kNoProgram = 127;
+constexpr std::array kStops{SIGINT, SIGTERM, SIGHUP};
 
-/// Between fork and exec: nothing here may allocate.
-[[noreturn]] void become(char* const* arguments, int output, const cpu_set_t* cpus, pid_t parent) {
+/// Between fork and exec: nothing here may allocate. `signals` is the mask to begin with.
+[[noreturn]] void become(char* const* arguments, int output, const cpu_set_t* cpus, pid_t parent,
+                         const sigset_t& signals) {
+    // The handlers are still the parent's, which would take note here of a signal that is for the program.
+    for (const int signal : kStops)
+        if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);
+    ::sigprocmask(SIG_SETMASK, &signals, nullptr);
     ::setpgid(0, 0);
     ::prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (::getppid() != parent) ::_exit(kNoProgram);  // it died before the line above
@@ -65,9 +71,14 @@ pid_t start_child(const std::vector<std::string>& command, const ChildSettings& 
         throw std::system_error(errno, std::generic_category(),
                                 fmt::format("cannot write '{}'", settings.output.string()));
     const pid_t parent = ::getpid();
+    sigset_t stops, before;
+    sigemptyset(&stops);
+    for (const int signal : kStops) sigaddset(&stops, signal);
+    ::pthread_sigmask(SIG_BLOCK, &stops, &before);
     const pid_t child = ::fork();
-    if (child == 0) become(arguments.data(), output, settings.cpus.empty() ? nullptr : &cpus, parent);
+    if (child == 0) become(arguments.data(), output, settings.cpus.empty() ? nullptr : &cpus, parent, before);
     const int error = errno;
+    ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
     ::close(output);
     if (child < 0) throw std::system_error(error, std::generic_category(), "cannot start a process");
     return child;
@@ -80,16 +91,6 @@ std::optional<ChildEnd> poll_child(pid_t child) {
     if (answer < 0) throw std::system_error(errno, std::generic_category(), "cannot wait for a run");
     if (WIFEXITED(status)) return ChildEnd{.exit_code = WEXITSTATUS(status)};
     return ChildEnd{.signal = WTERMSIG(status)};
-}
-
-bool catches(pid_t process, int signal) {
-    std::ifstream status(fmt::format("/proc/{}/status", process));
-    for (std::string line; std::getline(status, line);) {
-        if (!line.starts_with("SigCgt:")) continue;
-        const auto mask = std::strtoull(line.c_str() + 7, nullptr, 16);  // bit 0 is signal 1
-        return (mask >> (signal - 1) & 1) != 0;
-    }
-    return false;
 }
 
 }  // namespace cale

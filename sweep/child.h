@@ -40,7 +40,4 @@ std::optional<ChildEnd> poll_child(pid_t child);
 /// where one of them is closed, a file may have its number. -1 stays -1.
 int above_standard_streams(int descriptor);
 
-/// Whether the process has a handler for the signal; false where there is no such process.
-bool catches(pid_t process, int signal);
-
 }  // namespace cale

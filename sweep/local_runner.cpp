@@ -35,7 +35,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kPollInterval = std::chrono::milliseconds(100);
-constexpr auto kGrace = std::chrono::seconds(1);
+// Signals within this time are one stop. Half a second would be too long for a run that has had its own.
+constexpr auto kOneStop = std::chrono::milliseconds(200);
+constexpr auto kWait = std::chrono::seconds(1);
 constexpr auto kPause = std::chrono::seconds(10);
 
 std::atomic<int> stops = 0;  // counted in a signal handler
@@ -57,8 +59,7 @@ struct Job {
     std::int64_t log_begin = 0;   // where its program began to write into output.log, in bytes
     Clock::time_point started{}, not_before{};
     pid_t process = 0;
-    bool waits = false;     // for another process
-    bool listened = false;  // it caught SIGTERM, and so would write a checkpoint
+    bool waits = false;  // for another process
     // How the settings that its program read differ from the planned ones; none: not known yet.
     std::optional<std::string> mismatch{};
     std::size_t slot = 0;
@@ -112,7 +113,7 @@ class LocalRunner {
 
     void start_waiting() {
         // A run that is locked stays in the queue, behind those that wait.
-        for (auto tries = queue_.size(); tries > 0 && !free_slots_.empty(); --tries) {
+        for (auto tries = queue_.size(); tries > 0 && !free_slots_.empty() && stops == 0; --tries) {
             Job& job = *queue_.front();
             queue_.pop_front();
             if (Clock::now() < job.not_before) {
@@ -154,6 +155,7 @@ class LocalRunner {
             if (!std::exchange(job.waits, true))
                 say("waits", job, "another process is training in its folder");
             job.status = status_of(job.folder, planned.end);
+            job.not_before = Clock::now() + kWait;
             queue_.push_back(&job);
             return;
         }
@@ -178,7 +180,6 @@ class LocalRunner {
         job.process = start_child(command_of(planned, place, saved_step.has_value()),
                                   {.output = output_file(job.folder), .cpus = slots_[slot].cpus});
         free_slots_.pop_back();
-        job.listened = false;
         // Of a run that is resumed they were compared above, and are by the program.
         job.mismatch = saved_step ? std::optional<std::string>("") : std::nullopt;
         job.slot = slot;
@@ -209,7 +210,6 @@ class LocalRunner {
         std::vector<std::pair<Job*, ChildEnd>> ended;
         for (Job* job : active_) {
             if (!mismatch_of(*job).empty()) ::kill(job->process, SIGKILL);  // it has only begun
-            job->listened = job->listened || catches(job->process, SIGTERM);
             if (const auto end = poll_child(job->process)) ended.emplace_back(job, *end);
         }
         for (const auto& [job, end] : ended) {
@@ -257,12 +257,12 @@ class LocalRunner {
         }
     }
 
-    /// A run's second signal kills it, and a batch system sends the first to all processes of a job. So a run
-    /// that no longer catches SIGTERM has had it, and the batch system is given the time to tell it.
+    /// All runs get SIGTERM once, and another Ctrl-C after that kills them.
     void stop() {
-        const auto now = Clock::now();
-        if (stop_at_ == Clock::time_point::max()) {
-            stop_at_ = now + (interrupts > 0 ? Clock::duration{} : kGrace);
+        if (!stop_at_) stop_at_ = Clock::now() + kOneStop;
+        if (Clock::now() < *stop_at_) return;
+        if (!kill_at_) {
+            kill_at_ = std::max(2, interrupts + 1);
             const bool one = active_.size() == 1;
             if (!active_.empty())
                 console_.say(fmt::format("Stopping {}, which write{} a checkpoint first.{}",
@@ -270,13 +270,9 @@ class LocalRunner {
                                          interrupts == 0 ? ""
                                          : one           ? " Ctrl-C again kills it."
                                                          : " Ctrl-C again kills them."));
+            for (const Job* job : active_) ::kill(job->process, SIGTERM);
         }
-        if (now >= stop_at_ && !std::exchange(terminated_, true)) {
-            for (const Job* job : active_) {
-                if (!job->listened || catches(job->process, SIGTERM)) ::kill(job->process, SIGTERM);
-            }
-        }
-        if (interrupts > 1 && !std::exchange(killed_, true)) {
+        if (interrupts >= *kill_at_ && !std::exchange(killed_, true)) {
             for (const Job* job : active_) ::kill(job->process, SIGKILL);
         }
     }
@@ -321,8 +317,9 @@ class LocalRunner {
     std::deque<Job*> queue_;
     std::vector<Job*> active_;
     std::vector<std::size_t> free_slots_;
-    Clock::time_point stop_at_ = Clock::time_point::max();
-    bool terminated_ = false, killed_ = false;
+    std::optional<Clock::time_point> stop_at_{};
+    std::optional<int> kill_at_{};  // how many interrupts kill the runs
+    bool killed_ = false;
 };
 
 }  // namespace

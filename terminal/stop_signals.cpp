@@ -22,14 +22,18 @@ std::int64_t milliseconds() {
 }
 
 void request_stop(int signal) {
-    if (requested == 0) {
+    const int first = requested;
+    if (first == 0) {
         requested_at = milliseconds();
         requested = signal;
         return;
     }
-    // A terminal that is closed sends SIGHUP more than once; `timeout` signals its child and then its group.
+    // A terminal that is closed sends SIGHUP more than once. SIGTERM comes from the batch system, and again
+    // from the sweep that the run belongs to: both leave time for a checkpoint, and end by SIGKILL what takes
+    // longer. `timeout` signals its child and then its group.
     constexpr std::int64_t kOneStop = 500;
-    if (signal == SIGHUP || milliseconds() - requested_at < kOneStop) return;
+    const bool kills = signal == SIGINT || (signal == SIGTERM && first == SIGINT);
+    if (!kills || milliseconds() - requested_at < kOneStop) return;
     std::signal(signal, SIG_DFL);
     std::raise(signal);
 }

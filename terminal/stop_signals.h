@@ -22,8 +22,8 @@ class SignalHandler {
     struct sigaction pipe_before_ = {};
 };
 
-/// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true; the next SIGINT or
-/// SIGTERM kills the process, unless it comes within half a second, while another SIGHUP is ignored.
+/// While it exists, the first SIGINT, SIGTERM or SIGHUP makes stop_requested() true. From half a second later
+/// SIGINT kills the process, as does SIGTERM where the first was SIGINT; all others are ignored.
 class StopSignals {
   public:
     StopSignals();

@@ -86,6 +86,7 @@ TEST_P(PpoGolden, Forward) {
     const auto minibatch = c.minibatch();
     const auto forward = c.file["forward"];
     const auto [policy, value] = network(minibatch.observation);
+    c.expect(normalized(minibatch).advantage, forward, "advantage_normalized", c.tolerance.forward);
     c.expect(value, forward, "value", c.tolerance.forward);
     c.expect(entropy(policy), forward, "entropy", c.tolerance.forward);
     const auto new_log_prob = log_prob(policy, minibatch.action, network->box);

@@ -64,6 +64,10 @@ TEST_P(SacdGolden, Forward) {
     const auto next_q = learner.target->critic(learner.target->encoder->critic_branch(next_features));
     c.expect(next_q.q1, target, "q1", c.tolerance.forward);
     c.expect(next_q.q2, target, "q2", c.tolerance.forward);
+    auto& next_policy = c.config.next_policy == NextPolicy::target ? learner.target : learner.network;
+    const auto next_log_policy = next_policy->log_policy(next_policy->encoder->trunk(batch.next_observation));
+    golden::expect_close(next_log_policy, golden::tensor(target["next_logits"]).log_softmax(1),
+                         c.tolerance.forward, "log pi at the next state, of next_logits");
     const auto losses = sacd_losses(learner.network, learner.target, learner.log_alpha, batch,
                                     c.hyper("target_entropy"), c.config);
     c.expect(losses.target_values, target, "y", c.tolerance.forward);

@@ -52,6 +52,7 @@ TEST_F(CInterface, PlaysAsTheLibraryBelow) {
     const auto below = lite::Policy::parse(bytes);
     auto workspace = below.workspace();
     Observer observer(below.info());
+    EXPECT_EQ(cale_session_due(session.get()), 0) << "before a game has begun";
     ASSERT_EQ(cale_session_start(session.get(), screen.data(), screen.size()), 1);
     observer.start(screen);
     for (std::uint32_t i = 0; i < 12; ++i) {

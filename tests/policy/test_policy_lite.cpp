@@ -414,6 +414,14 @@ TEST(LitePolicy, AWorkspaceIsNoOtherPolicysAfterItsOwnIsGone) {
     }
 }
 
+TEST(LitePolicy, APolicyThatIsMovedFromIsStillOne) {
+    auto policy = policy_of(named("sac"));
+    const auto other = std::move(policy);
+    auto workspace = policy.workspace();  // NOLINT(bugprone-use-after-move)
+    const auto pixels = random_pixels(policy.info().observation_size(), 1);
+    EXPECT_EQ(policy.act(pixels, workspace).stick.theta, other.act(pixels, workspace).stick.theta);
+}
+
 TEST(LitePolicy, ADrawHasANumberForEachCoordinate) {
     PolicyInfo info;  // polar: three
     EXPECT_EQ(lite::squashed_decision(info, std::array{0.0f, 0.0f, 0.0f}).event, Event::noop);

@@ -12,10 +12,14 @@ std::string directory() {
     return chosen != nullptr && *chosen != '\0' ? chosen : CALE_SOURCE_GOLDEN_DIR;
 }
 
-YAML::Node load(const std::string& file_name) {
+std::string path_of(const std::string& file_name) {
     for (const std::filesystem::path folder : {directory(), std::string(CALE_SOURCE_GOLDEN_DIR)})
-        if (std::filesystem::exists(folder / file_name)) return YAML::LoadFile((folder / file_name).string());
+        if (std::filesystem::exists(folder / file_name)) return (folder / file_name).string();
     throw std::runtime_error("no golden file " + directory() + "/" + file_name);
+}
+
+YAML::Node load(const std::string& file_name) {
+    return YAML::LoadFile(path_of(file_name));
 }
 
 namespace {

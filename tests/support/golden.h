@@ -16,6 +16,8 @@ namespace golden {
 std::string directory();
 
 /// A file of that folder, else of the copy. Throws std::runtime_error that names the missing file.
+std::string path_of(const std::string& file_name);
+/// The same, read.
 YAML::Node load(const std::string& file_name);
 
 /// Every file of that folder whose top-level `kind` is this one, sorted by name; where it has none, those of

@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <sys/prctl.h>
@@ -274,6 +276,32 @@ TEST_F(LocalSweep, ASecondInterruptKillsARunThatDoesNotStop) {
     ::kill(sweep, SIGINT);
     EXPECT_EQ(exit_code_of(sweep), 130);
     EXPECT_FALSE(std::filesystem::exists(fake_.path() / "survived"));
+}
+
+TEST_F(LocalSweep, TwoInterruptsAtOnceAreOneStop) {
+    const auto sweep = start(fake_.runs({"slow"}));
+    ASSERT_TRUE(test::wait_until([&] { return fake_.ready("slow_0"); }));
+    // As of a wrapper that passes on what the terminal has sent to both.
+    ::kill(sweep, SIGINT);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    ::kill(sweep, SIGINT);
+    EXPECT_EQ(exit_code_of(sweep), 130);
+    EXPECT_EQ(state("slow_0"), RunPhase::interrupted) << "and has its checkpoint";
+}
+
+TEST_F(LocalSweep, ARunIsToldOnceToStop) {
+    auto runs = fake_.runs({"slow"});
+    runs[0].program =
+        fake_.write_script("train_slowly_stopped",
+                           "#!/bin/bash\nhere=$(dirname $0)\ntrap 'echo once >>$here/signalled' TERM\n"
+                           "touch $here/ready_slow_0\n"
+                           "until [ -e $here/signalled ]; do sleep 0.02; done\n"
+                           "for i in {1..75}; do sleep 0.02; done\nexit 130\n");
+    const auto sweep = start(runs);
+    ASSERT_TRUE(test::wait_until([&] { return fake_.ready("slow_0"); }));
+    ::kill(sweep, SIGTERM);
+    EXPECT_EQ(exit_code_of(sweep), 130);
+    EXPECT_EQ(said("signalled"), "once\n");
 }
 
 TEST_F(LocalSweep, RunsHaveTheDeviceAndTheCoresOfTheirPlaces) {

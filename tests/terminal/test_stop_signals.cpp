@@ -21,9 +21,9 @@ TEST(StopSignals, TwoAtOnceAreOneStop) {
 }
 
 TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
-    const auto stop_twice = [](int second) {
+    const auto stop_twice = [](int second, int first = SIGINT) {
         const StopSignals signals;
-        std::raise(SIGINT);
+        std::raise(first);
         std::this_thread::sleep_for(std::chrono::milliseconds(600));
         std::raise(second);
     };
@@ -31,6 +31,12 @@ TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
     EXPECT_EXIT(stop_twice(SIGTERM), testing::KilledBySignal(SIGTERM), "");
     stop_twice(SIGHUP);
     EXPECT_TRUE(stop_requested());
+    EXPECT_EXIT(stop_twice(SIGINT, SIGTERM), testing::KilledBySignal(SIGINT), "");
+    stop_twice(SIGTERM,
+               SIGTERM);  // a batch system's, and that of the sweep which the batch system stops, too
+    EXPECT_EQ(stop_signal(), "SIGTERM");
+    stop_twice(SIGTERM, SIGHUP);
+    EXPECT_EQ(stop_signal(), "SIGHUP");
 }
 
 TEST(StopSignals, AnIgnoredHangUpStaysIgnoredAnInterruptDoesNot) {

@@ -23,7 +23,7 @@ _OF_GYMNASIUM = ("autoreset_mode", "copy", "render_mode")  # arguments of enviro
 
 class Policy:
     """A trained policy, from a file that `cale export` made (docs/policy_file.md). It is computed without any
-    other library; opening a file executes nothing of it.
+    other library; opening a file executes nothing of it. `info` is what the file says beside the weights, a dictionary.
 
     seed: of the actions that are drawn.
     """
@@ -38,7 +38,8 @@ class Policy:
     def act(self, observations: Any, choice: str = "greedy") -> np.ndarray:
         """Returns an action for each of N observations, or the action for one: as an environment with
         `settings` takes them. Where the network chooses coordinates they are (r, theta, fire), whatever these are,
-        or (position, fire) of an absolute paddle; of a factored policy its three choices; else numbers of actions.
+        or (position, fire) of an absolute paddle, float32 [N, 3 or 2]; of a factored policy its three choices, int64 [N, 3];
+        else numbers of actions, int64 [N]. Throws ValueError for observations of another shape or type.
 
         choice: "greedy", "sampled" (drawn from the policy; with action values only the noise of noisy layers is), or
             "as_evaluated", as its training's evaluations did.
@@ -57,16 +58,17 @@ class Policy:
         return result[0] if single else result
 
     def output(self, observations: Any) -> np.ndarray:
-        """Returns what the network gives for each observation: means and logarithms of standard deviations of
-        the joystick's coordinates before the tanh, log-probabilities of actions, or their values."""
+        """Returns what the network gives for each observation, float32 [N, numbers]: means and logarithms of
+        standard deviations of the joystick's coordinates before the tanh, log-probabilities of actions, or their values.
+        """
         batch, single = self._batch(observations)
         numbers = np.empty((len(batch), self._core.output_size), np.float32)
         self._core.output(batch, numbers)
         return numbers[0] if single else numbers
 
     def values(self, observations: Any) -> np.ndarray:
-        """Returns the value of the best action for each observation. Throws TypeError for a policy that knows no
-        values."""
+        """Returns the value of the best action for each observation, float32 [N]. Throws TypeError for a policy that
+        knows no values."""
         if not self._core.gives_action_values:
             raise TypeError(f"the policies of {self.info['agent']} know no action values")
         return self.output(observations).max(axis=-1)
