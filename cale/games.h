@@ -18,7 +18,7 @@ struct Game {
     // Scores of a random agent and of a human (Mnih et al. 2015, Wang et al. 2016); some games have none.
     std::optional<double> random_score;
     std::optional<double> human_score;
-    int minimal_action_count;           // joystick events that the game tells apart
+    int minimal_action_count;  // joystick events that the game tells apart
 };
 
 /// All sixty, in alphabetical order.

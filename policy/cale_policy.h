@@ -77,9 +77,9 @@ CALE_POLICY_API cale_session* cale_session_new(const cale_policy* policy, int32_
 /* NULL is allowed. */
 CALE_POLICY_API void cale_session_free(cale_session* session);
 
-/* A game has begun; one more emulated frame; a life was lost with the frame seen last, which must be said where
- * life_loss_ends_episode. A screen is gray (a
- * byte per pixel) or RGB (three), `size` its bytes; where frame_height is 1, it is the console's memory. */
+/* A game has begun; one more emulated frame; a life was lost with the frame seen last, which must be said
+ * where life_loss_ends_episode. A screen is gray (a byte per pixel) or RGB (three), `size` its bytes; where
+ * frame_height is 1, it is the console's memory. */
 CALE_POLICY_API int cale_session_start(cale_session* session, const uint8_t* screen, size_t size);
 CALE_POLICY_API int cale_session_see(cale_session* session, const uint8_t* screen, size_t size);
 CALE_POLICY_API int cale_session_lose_life(cale_session* session);
