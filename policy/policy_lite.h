@@ -81,8 +81,8 @@ class Policy {
     /// The network's output for one observation, which may be infinite or NaN; valid until the workspace is
     /// used again. Throws std::invalid_argument as act() does.
     std::span<const float> output(std::span<const std::uint8_t> observation, Workspace& workspace) const;
-    /// That of the last observation acted on alone with this workspace, with the noise that was drawn; zeros
-    /// before the first.
+    /// That of the last observation acted on alone with this workspace, with the noise that was drawn.
+    /// Says nothing where there is none, or a batch has come after it.
     std::span<const float> newest_output(const Workspace& workspace) const;
 
   private:

@@ -35,8 +35,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kPollInterval = std::chrono::milliseconds(100);
-// Signals within this time are one stop. Half a second would be too long for a run that has had its own.
-constexpr auto kOneStop = std::chrono::milliseconds(200);
+// Interrupts within this time of the first are one. Where runs were interrupted, too, SIGTERM must come to
+// them within half a second, later than which it kills them (StopSignals).
+constexpr auto kOneStop = std::chrono::milliseconds(100);
 constexpr auto kWait = std::chrono::seconds(1);
 constexpr auto kPause = std::chrono::seconds(10);
 
@@ -257,19 +258,17 @@ class LocalRunner {
         }
     }
 
-    /// All runs get SIGTERM once, and another Ctrl-C after that kills them.
+    /// All runs get SIGTERM once; a Ctrl-C after that kills them.
     void stop() {
         if (!stop_at_) stop_at_ = Clock::now() + kOneStop;
         if (Clock::now() < *stop_at_) return;
         if (!kill_at_) {
-            kill_at_ = std::max(2, interrupts + 1);
+            kill_at_ = interrupts + 1;
             const bool one = active_.size() == 1;
             if (!active_.empty())
-                console_.say(fmt::format("Stopping {}, which write{} a checkpoint first.{}",
+                console_.say(fmt::format("Stopping {}, which write{} a checkpoint first. Ctrl-C {}kills {}.",
                                          counted(active_.size(), "run"), one ? "s" : "",
-                                         interrupts == 0 ? ""
-                                         : one           ? " Ctrl-C again kills it."
-                                                         : " Ctrl-C again kills them."));
+                                         interrupts > 0 ? "again " : "", one ? "it" : "them"));
             for (const Job* job : active_) ::kill(job->process, SIGTERM);
         }
         if (interrupts >= *kill_at_ && !std::exchange(killed_, true)) {

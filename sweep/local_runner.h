@@ -25,8 +25,8 @@ struct LocalOptions {
 /// A run that fails is retried from its newest checkpoint, after the waiting runs; one that rejects its
 /// command line or its checkpoints, or diverged (exit codes 2, 3 and 4), is not. A run in whose folder
 /// another process is working is not started again; the sweep waits for it. SIGINT, SIGTERM and SIGHUP stop
-/// the runs, which write a checkpoint first; a second SIGINT kills them. Runs do not outlive the sweep: if it
-/// is killed they also write a checkpoint and stop.
+/// the runs, which write a checkpoint first; a SIGINT after that kills them. Runs do not outlive the sweep:
+/// if it is killed they also write a checkpoint and stop.
 int run_locally(std::span<const PlannedRun> runs, const std::filesystem::path& folder, const Slots& slots,
                 const LocalOptions& options);
 

@@ -10,6 +10,7 @@ namespace {
 
 std::atomic<int> requested = 0;  // read by other threads, too
 std::atomic<std::int64_t> requested_at = 0;
+std::atomic<int> stop_signals = 0;  // how many there are
 static_assert(std::atomic<int>::is_always_lock_free && std::atomic<std::int64_t>::is_always_lock_free,
               "a signal handler may not wait");
 
@@ -62,9 +63,13 @@ SignalHandler::~SignalHandler() {
 
 StopSignals::StopSignals()
     : handler_([] {
-          requested = 0;  // before the first signal can come
+          if (stop_signals++ == 0) requested = 0;  // before the first signal can come
           return request_stop;
       }()) {}
+
+StopSignals::~StopSignals() {
+    --stop_signals;
+}
 
 bool stop_requested() {
     return requested != 0;

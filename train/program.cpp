@@ -632,6 +632,7 @@ int run(const TrainingProgram& program, int argc, const char* const* argv) {
     options.resumed = [&](double trained_seconds) {
         record_resumption(program, run_dir, session, changes.different, trained_seconds, *metadata);
     };
+    const StopSignals signals;  // until the end is recorded
     return train_for_exit_code(*agent, world, program.settings, options, metadata ? &*metadata : nullptr,
                                changes.different);
 }

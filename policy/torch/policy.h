@@ -23,6 +23,9 @@ namespace cale {
 /// Immutable once loaded: any number of threads may act with it at the same time. A copy shares the weights.
 class Policy {
   public:
+    Policy(const Policy&) = default;  // what is moved from remains a policy
+    Policy& operator=(const Policy&) = default;
+
     /// Reads a policy file (docs/policy_file.md) and checks all of it, including that its network reproduces
     /// the golden output on this device. Nothing in a file is executed: untrusted files are safe to open.
     /// Throws std::runtime_error, one sentence with the file's name and what is wrong with it.

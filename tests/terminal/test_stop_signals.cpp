@@ -20,7 +20,8 @@ TEST(StopSignals, TwoAtOnceAreOneStop) {
     EXPECT_EQ(stop_signal(), "SIGTERM") << "the first";
 }
 
-TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
+TEST(StopSignalsDeath, ALaterInterruptKillsAndWhatIsSentMoreThanOnceDoesNot) {
+    auto* const hang_up = std::signal(SIGHUP, SIG_DFL);  // under nohup it is ignored
     const auto stop_twice = [](int second, int first = SIGINT) {
         const StopSignals signals;
         std::raise(first);
@@ -37,6 +38,19 @@ TEST(StopSignalsDeath, ALaterOneKillsUnlessATerminalSentIt) {
     EXPECT_EQ(stop_signal(), "SIGTERM");
     stop_twice(SIGTERM, SIGHUP);
     EXPECT_EQ(stop_signal(), "SIGHUP");
+    std::signal(SIGHUP, hang_up);
+}
+
+TEST(StopSignals, OneInsideAnotherContinuesIt) {
+    const StopSignals signals;
+    std::raise(SIGTERM);
+    { const StopSignals again; }
+    EXPECT_EQ(stop_signal(), "SIGTERM");
+    std::raise(SIGTERM);  // still caught
+    {
+        const StopSignals again;
+        EXPECT_TRUE(stop_requested());
+    }
 }
 
 TEST(StopSignals, AnIgnoredHangUpStaysIgnoredAnInterruptDoesNot) {
