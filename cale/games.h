@@ -17,8 +17,8 @@ struct Game {
     bool in_atari100k;      // one of the 26 games of Atari 100k (Kaiser et al. 2020)
     // Scores of a random agent and of a human (Mnih et al. 2015, Wang et al. 2016); some games have none.
     std::optional<double> random_score;
-    std::optional<double> human_score;
-    int minimal_action_count;  // joystick events that the game tells apart
+    std::optional<double> human_score;  // the human's
+    int minimal_action_count;           // joystick events that the game tells apart
 };
 
 /// All sixty, in alphabetical order.

@@ -40,8 +40,8 @@ class Workspace {
 /// the weights.
 class Policy {
   public:
-    Policy(const Policy&) = default;  // what is moved from remains a policy
-    Policy& operator=(const Policy&) = default;
+    Policy(const Policy&) = default;             // moving copies: what is moved from remains a policy
+    Policy& operator=(const Policy&) = default;  // the same
 
     /// Reads a policy file (docs/policy_file.md) and checks all of it, including that its network reproduces
     /// the golden output. Nothing in a file is executed: untrusted files are safe to open. Throws
