@@ -30,7 +30,7 @@ struct Game {
     std::vector<std::uint8_t> screen() const {
         std::vector<std::uint8_t> pixels(std::size_t{kRows} * kColumns);
         for (int row = y; row < y + kSquare; ++row)
-            std::fill_n(pixels.begin() + row * kColumns + x, kSquare, std::uint8_t{255});
+            std::fill_n(pixels.begin() + std::ptrdiff_t{row} * kColumns + x, kSquare, std::uint8_t{255});
         return pixels;
     }
 };
