@@ -1,6 +1,5 @@
 #include "sweep/child.h"
 
-#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
@@ -14,17 +13,18 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "terminal/stop_signals.h"
+
 namespace cale {
 namespace {
 
 constexpr int kNoProgram = 127;
-constexpr std::array kStops{SIGINT, SIGTERM, SIGHUP};
 
 /// Between fork and exec: nothing here may allocate. `signals` is the mask to begin with.
 [[noreturn]] void become(char* const* arguments, int output, const cpu_set_t* cpus, pid_t parent,
                          const sigset_t& signals) {
     // The handlers are still the parent's, which would take note here of a signal that is for the program.
-    for (const int signal : kStops)
+    for (const int signal : kStopSignals)
         if (std::signal(signal, SIG_DFL) == SIG_IGN) std::signal(signal, SIG_IGN);
     ::sigprocmask(SIG_SETMASK, &signals, nullptr);
     ::setpgid(0, 0);
@@ -73,7 +73,7 @@ pid_t start_child(const std::vector<std::string>& command, const ChildSettings& 
     const pid_t parent = ::getpid();
     sigset_t stops, before;
     sigemptyset(&stops);
-    for (const int signal : kStops) sigaddset(&stops, signal);
+    for (const int signal : kStopSignals) sigaddset(&stops, signal);
     ::pthread_sigmask(SIG_BLOCK, &stops, &before);
     const pid_t child = ::fork();
     if (child == 0) become(arguments.data(), output, settings.cpus.empty() ? nullptr : &cpus, parent, before);

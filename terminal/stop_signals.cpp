@@ -14,8 +14,6 @@ std::atomic<int> stop_signals = 0;  // how many there are
 static_assert(std::atomic<int>::is_always_lock_free && std::atomic<std::int64_t>::is_always_lock_free,
               "a signal handler may not wait");
 
-constexpr std::array kSignals{SIGINT, SIGTERM, SIGHUP};
-
 std::int64_t milliseconds() {
     struct timespec now = {};
     clock_gettime(CLOCK_MONOTONIC, &now);
@@ -42,14 +40,13 @@ void request_stop(int signal) {
 }  // namespace
 
 SignalHandler::SignalHandler(void (*handler)(int signal)) {
-    static_assert(kSignals.size() == std::tuple_size_v<decltype(before_)>);
     struct sigaction action = {};
     action.sa_handler = handler;
     action.sa_flags = SA_RESTART;  // so that a checkpoint being written continues
-    for (std::size_t i = 0; i < kSignals.size(); ++i) {
-        sigaction(kSignals[i], nullptr, &before_[i]);
-        if (kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
-        sigaction(kSignals[i], &action, nullptr);
+    for (std::size_t i = 0; i < kStopSignals.size(); ++i) {
+        sigaction(kStopSignals[i], nullptr, &before_[i]);
+        if (kStopSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN) continue;
+        sigaction(kStopSignals[i], &action, nullptr);
     }
     struct sigaction ignore = {};
     ignore.sa_handler = SIG_IGN;
@@ -57,7 +54,7 @@ SignalHandler::SignalHandler(void (*handler)(int signal)) {
 }
 
 SignalHandler::~SignalHandler() {
-    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
+    for (std::size_t i = 0; i < kStopSignals.size(); ++i) sigaction(kStopSignals[i], &before_[i], nullptr);
     sigaction(SIGPIPE, &pipe_before_, nullptr);
 }
 

@@ -7,10 +7,13 @@
 
 namespace cale {
 
+/// What stops a program, as the classes below and a sweep's runs have it.
+inline constexpr std::array kStopSignals{SIGINT, SIGTERM, SIGHUP};
+
 /// While it exists, SIGINT, SIGTERM and SIGHUP call `handler`. A SIGHUP that was ignored before, as under
 /// nohup, stays so; a SIGINT does not, as scripts start all that they leave in the background with it
-/// ignored. SIGPIPE, of a reader of the output that is gone, is ignored. One
-/// inside another takes its place for as long as it exists.
+/// ignored. SIGPIPE, of a reader of the output that is gone, is ignored. One inside
+/// another takes its place for as long as it exists.
 class SignalHandler {
   public:
     explicit SignalHandler(void (*handler)(int signal));
@@ -19,7 +22,7 @@ class SignalHandler {
     SignalHandler& operator=(const SignalHandler&) = delete;
 
   private:
-    std::array<struct sigaction, 3> before_ = {};
+    std::array<struct sigaction, kStopSignals.size()> before_ = {};
     struct sigaction pipe_before_ = {};
 };
 

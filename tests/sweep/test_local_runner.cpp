@@ -296,7 +296,7 @@ TEST_F(LocalSweep, TwoInterruptsAtOnceAreOneStop) {
     EXPECT_EQ(state("slow_0"), RunPhase::interrupted) << "and has its checkpoint";
 }
 
-TEST_F(LocalSweep, ARunIsToldOnceToStop) {
+TEST_F(LocalSweep, ARunGetsItsSignalOnce) {
     auto runs = fake_.runs({"slow"});
     runs[0].program =
         fake_.write_script("train_slowly_stopped",

@@ -33,8 +33,7 @@ TEST(StopSignalsDeath, ALaterInterruptKillsAndWhatIsSentMoreThanOnceDoesNot) {
     stop_twice(SIGHUP);
     EXPECT_TRUE(stop_requested());
     EXPECT_EXIT(stop_twice(SIGINT, SIGTERM), testing::KilledBySignal(SIGINT), "");
-    stop_twice(SIGTERM,
-               SIGTERM);  // a batch system's, and that of the sweep which the batch system stops, too
+    stop_twice(SIGTERM, SIGTERM);  // a batch system's, and that of the sweep that it stops as well
     EXPECT_EQ(stop_signal(), "SIGTERM");
     stop_twice(SIGTERM, SIGHUP);
     EXPECT_EQ(stop_signal(), "SIGHUP");
