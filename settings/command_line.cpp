@@ -175,7 +175,7 @@ Arguments parse_arguments(const ConfigTable& table, int argc, const char* const*
             return value.starts_with("--") ? "'" + value + "' is an option, not a value" : std::string();
         });
     }
-    refuse_empty_values(std::vector<std::string>(argv, argv + argc));
+    check_option_values(std::vector<std::string>(argv, argv + argc));
     try {
         app.parse(argc, argv);
     } catch (const CLI::ArgumentMismatch& error) {
@@ -290,10 +290,16 @@ void print_configs(std::string_view program, Arguments& arguments, ConfigTable& 
 
 }  // namespace
 
-void refuse_empty_values(std::span<const std::string> words) {
+void check_option_values(std::span<const std::string> words) {
     for (const auto& word : words) {
-        if (word.starts_with("--") && word.find('=') + 1 == word.size())
-            throw ConfigError(word.substr(0, word.size() - 1) + ": needs a value that is not empty");
+        const auto equals = word.find('=');
+        if (!word.starts_with("--") || equals == word.npos) continue;
+        const auto option = word.substr(0, equals);
+        const auto value = word.substr(equals + 1);
+        if (value.empty()) throw ConfigError(option + ": needs a value that is not empty");
+        if (value.starts_with("~/"))
+            throw ConfigError(fmt::format("{}: a shell replaces ~ only at the start of a word: write {} {}",
+                                          word, option, value));
     }
 }
 

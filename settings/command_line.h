@@ -55,8 +55,9 @@ struct CommandLine {
 CommandLine parse_command_line(std::string_view program, std::string_view description, ConfigTable& table,
                                int argc, const char* const* argv, std::ostream& out);
 
-/// Throws ConfigError where a word is "--option=" without a value: CLI11 would take the next word for it.
-void refuse_empty_values(std::span<const std::string> words);
+/// Throws ConfigError where a word is "--option=" without a value, since CLI11 would take the next word for
+/// it, or "--option=~/...", where shells leave the ~ as it is: files would go to a folder of that name.
+void check_option_values(std::span<const std::string> words);
 
 /// Returns the device that --device requests: auto (cuda if available), cpu, cuda or cuda:<index>, on a
 /// machine with `gpus` GPUs (at::getNumGPUs()). `own_index` is the index that plain cuda stands

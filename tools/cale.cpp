@@ -33,7 +33,7 @@ std::vector<std::string> arguments_of(int argc, char** argv) {
 
 void run(CLI::App& app, std::vector<std::string> words) {
     cale::check_first_word(app, words.front());
-    cale::refuse_empty_values(words);
+    cale::check_option_values(words);
     std::ranges::reverse(words);  // as CLI11 wants them
     try {
         app.parse(std::move(words));

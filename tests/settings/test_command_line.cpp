@@ -177,6 +177,9 @@ TEST_F(CommandLineTest, MistakesAreOneSentence) {
     EXPECT_EQ(error({"--run-dir", ""}), "--run-dir: needs a value that is not empty (see train_x --help)");
     EXPECT_EQ(error({"--run-dir=", "train.seed=2"}),
               "--run-dir: needs a value that is not empty (see train_x --help)");
+    EXPECT_EQ(error({"--run-dir=~/x"}),
+              "--run-dir=~/x: a shell replaces ~ only at the start of a word: write --run-dir ~/x "
+              "(see train_x --help)");
     EXPECT_THAT(error({"--config", "a.yaml", "--config", "b.yaml"}), HasSubstr("more than once"));
     EXPECT_EQ(error({"--sede", "3"}), "unknown option '--sede'; did you mean '--seed'? (see train_x --help)");
     EXPECT_EQ(error({"--trehsold=3"}), "unknown option '--trehsold' (see train_x --help)");
